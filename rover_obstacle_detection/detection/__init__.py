@@ -1,0 +1,1 @@
+"""Obstacle detection in rectified stereo pairs: arrays in, arrays out."""

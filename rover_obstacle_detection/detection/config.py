@@ -1,0 +1,235 @@
+"""The detector's parameters: one frozen value, each field with its range and its meaning."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from rover_obstacle_detection.errors import ConfigurationError
+
+METHODS = ('hybrid', 'study')
+GRAVITY_SOURCES = ('estimate', 'parameters', 'imu', 'tf')
+SGBM_MODES = ('0 SGBM, 1 HH, 2 SGBM_3WAY, 3 HH4',)
+
+
+@dataclass(frozen=True)
+class ParameterDescription:
+    """What a user, a ROS parameter descriptor and the documentation need of one parameter."""
+
+    name: str
+    default: bool | int | float | str
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    step: int | None = None
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: object) -> None:
+        """Refuse a value of another type or out of range.
+
+        Raises
+        ------
+        ConfigurationError
+            With the name, the value and what was expected.
+        """
+        expected = type(self.default)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (type(value) is expected or (expected is float and number)):
+            msg = f'{self.name} is {value!r}: expected {_TYPE_NAMES[expected]}'
+            raise ConfigurationError(msg)
+        if self.choices and value not in self.choices:
+            msg = f'{self.name} is {value!r}: expected one of {", ".join(self.choices)}'
+            raise ConfigurationError(msg)
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            self._check_number(value)
+
+    def _check_number(self, value: float) -> None:
+        low = -math.inf if self.minimum is None else self.minimum
+        high = math.inf if self.maximum is None else self.maximum
+        if not low <= value <= high:
+            msg = f'{self.name} is {value}: expected {low:g} to {high:g}'
+            raise ConfigurationError(msg)
+        if self.step is not None and (value - low) % self.step:
+            msg = f'{self.name} is {value}: expected {low:g} plus a multiple of {self.step}'
+            raise ConfigurationError(msg)
+
+
+_TYPE_NAMES = {
+    bool: 'true or false',
+    int: 'a whole number',
+    float: 'a number',
+    str: 'a text',
+}
+
+
+def _parameter(
+    default: Any,
+    description: str,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    *,
+    step: int | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    metadata = {
+        'description': description,
+        'minimum': minimum,
+        'maximum': maximum,
+        'step': step,
+        'choices': choices,
+    }
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """Every parameter of the detector, named as the ROS parameters are.
+
+    Lengths are in metres, angles in degrees, image lengths in pixels of the full image.
+    ``DetectorConfig.parameters()`` lists the fields with range and meaning.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value has another type, is out of its range, or contradicts another one.
+    """
+
+    method: str = _parameter(
+        'hybrid', 'Detection method: hybrid, or the study as it was written.', choices=METHODS
+    )
+
+    max_step: float = _parameter(
+        0.10,
+        'Tallest step above or below the local ground that the rover can take (m).',
+        0.01,
+        2.0,
+    )
+    max_slope: float = _parameter(
+        20.0, 'Steepest ground at rover scale that the rover can climb (deg).', 1.0, 60.0
+    )
+    min_range: float = _parameter(
+        0.3, 'Nearest distance along the optical axis at which anything is seen (m).', 0.01, 100.0
+    )
+    max_range: float = _parameter(
+        10.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0
+    )
+
+    gravity_source: str = _parameter(
+        'estimate',
+        'Where the vertical comes from: estimated from the ground in view, from camera_pitch, '
+        'camera_roll and camera_height, from the imu topic, or from TF.',
+        choices=GRAVITY_SOURCES,
+    )
+    camera_pitch: float = _parameter(
+        0.0,
+        'Angle of the optical axis below the horizon, for gravity_source parameters (deg).',
+        -90.0,
+        90.0,
+    )
+    camera_roll: float = _parameter(
+        0.0,
+        'Clockwise roll of the camera about its axis, for gravity_source parameters (deg).',
+        -90.0,
+        90.0,
+    )
+    camera_height: float = _parameter(
+        0.0, 'Height of the left eye above the ground (m); 0 where unknown.', 0.0, 100.0
+    )
+
+    min_disparity: int = _parameter(0, 'Smallest disparity searched (px).', -2048, 2048)
+    disparity_range: int = _parameter(
+        0,
+        'Disparities searched (px, multiple of 16); 0: follows camera and min_range '
+        '(the study: 48).',
+        0,
+        4096,
+        step=16,
+    )
+    correlation_window_size: int = _parameter(
+        5, 'Side of the matching block (px, odd).', 1, 21, step=2
+    )
+    P1: float = _parameter(
+        0.0,
+        "SGBM penalty on a disparity change of 1; 0: the method's own (hybrid 300, study 600).",
+        0.0,
+        100000.0,
+    )
+    P2: float = _parameter(
+        0.0,
+        "SGBM penalty on a larger disparity change; 0: the method's own "
+        '(hybrid 1200, study 2400).',
+        0.0,
+        100000.0,
+    )
+    uniqueness_ratio: float = _parameter(
+        8.0, 'Margin by which the best match must beat the second best (%).', 0.0, 100.0
+    )
+    speckle_size: int = _parameter(
+        50, 'Smaller patches of disparity are dropped as speckle (px).', 0, 10000
+    )
+    speckle_range: int = _parameter(2, 'Disparity variation within a patch (px).', 0, 31)
+    disp12_max_diff: int = _parameter(
+        1, 'Largest difference in the left-right check (px); below 0: no check.', -1, 128
+    )
+    prefilter_cap: int = _parameter(63, 'Truncation of the prefiltered image.', 1, 63)
+    sgbm_mode: int = _parameter(2, '0 SGBM, 1 HH, 2 SGBM_3WAY, 3 HH4.', 0, 3)
+    equalize_histogram: bool = _parameter(
+        False, 'Equalise the histograms before matching (study section 3.3).'
+    )
+
+    mean_shift_spatial_radius: float = _parameter(
+        15.0, 'Mean-shift spatial bandwidth (px).', 1.0, 100.0
+    )
+    mean_shift_color_radius: float = _parameter(
+        20.0, 'Mean-shift grey-level bandwidth.', 1.0, 100.0
+    )
+    min_region_size: int = _parameter(
+        50, 'Smaller regions are merged into a neighbour (px).', 1, 100000
+    )
+    min_seed_points: int = _parameter(
+        10, 'A region with at least this many 3D points is a seed region (T1).', 3, 100000
+    )
+    window_size: int = _parameter(
+        5, 'Side of the window for roughness and elevation step (px, odd).', 3, 31, step=2
+    )
+    study_max_roughness: float = _parameter(
+        0.0005,
+        'Method study: roughness above which a window is an obstacle, noise apart (T2, m).',
+        0.0,
+        1.0,
+    )
+    study_max_step: float = _parameter(
+        0.005,
+        'Method study: elevation step above which a window is an obstacle, noise apart (T3, m).',
+        0.0,
+        1.0,
+    )
+    dark_grey_level: int = _parameter(
+        50,
+        'A region without enough 3D points is an obstacle below this mean grey level (T4).',
+        0,
+        255,
+    )
+    morphology_size: int = _parameter(
+        7, 'Method study: diameter of the elliptical kernel (px, odd).', 1, 51, step=2
+    )
+    morphology_iterations: int = _parameter(2, 'Method study: closings, then openings.', 0, 10)
+
+    def __post_init__(self) -> None:
+        for description in self.parameters():
+            description.check(getattr(self, description.name))
+        if self.max_range <= self.min_range:
+            msg = f'max_range is {self.max_range}: expected more than min_range, {self.min_range}'
+            raise ConfigurationError(msg)
+        if self.P1 and self.P2 and self.P2 <= self.P1:
+            msg = f'P2 is {self.P2}: expected more than P1, {self.P1}'
+            raise ConfigurationError(msg)
+
+    @classmethod
+    def parameters(cls) -> tuple[ParameterDescription, ...]:
+        """List every parameter: name, default, range, meaning."""
+        return tuple(
+            ParameterDescription(name=each.name, default=each.default, **each.metadata)
+            for each in fields(cls)
+        )

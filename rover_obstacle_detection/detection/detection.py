@@ -1,0 +1,125 @@
+"""What the detector saw in one pair, and each step on the way there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.obstacles import Obstacle, find_obstacles
+from rover_obstacle_detection.detection.reprojection import reproject
+
+Product = NDArray[Any] | Callable[[], NDArray[Any]]
+
+OBSTACLE = 255
+FREE = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """The result of one image pair, immutable, with every intermediate product by name.
+
+    Products that the decision itself did not need are computed when first asked for.
+
+    Parameters
+    ----------
+    camera : StereoCamera
+    config : DetectorConfig
+    ground : GroundPlane
+        The ground in view, and with it the vertical.
+    products : mapping of str to array or callable
+        Arrays of the left image's size, or functions that make them.
+    """
+
+    camera: StereoCamera
+    config: DetectorConfig
+    ground: GroundPlane
+    products: Mapping[str, Product]
+
+    @cached_property
+    def grey(self) -> NDArray[np.uint8]:
+        """Left image in grey, shape (height, width)."""
+        return self._product('grey')
+
+    @cached_property
+    def disparity(self) -> NDArray[np.float32]:
+        """Disparity in pixels, less the camera's offset; 0 where there is no match."""
+        return self._product('disparity')
+
+    @cached_property
+    def points(self) -> NDArray[np.float32]:
+        """Position in the left optical frame, metres, shape (height, width, 3); NaN where none."""
+        return _frozen(reproject(self.disparity, self.camera))
+
+    @cached_property
+    def regions(self) -> NDArray[np.int32]:
+        """Number of each pixel's mean-shift region, 1 and up: every pixel has one."""
+        return self._product('regions')
+
+    @cached_property
+    def seeds(self) -> NDArray[np.bool_]:
+        """Pixels of the regions with enough 3D points to be judged by them."""
+        return self._product('seeds')
+
+    @cached_property
+    def roughness(self) -> NDArray[np.float32]:
+        """Mean distance of a window's points from their plane, metres; NaN where none."""
+        return self._product('roughness')
+
+    @cached_property
+    def step(self) -> NDArray[np.float32]:
+        """Largest elevation difference within a window along the vertical, metres; NaN where none."""
+        return self._product('step')
+
+    @cached_property
+    def height(self) -> NDArray[np.float32]:
+        """Height above the local ground, metres; NaN where there is no 3D."""
+        return self._product('height')
+
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """Pixels that a cue could judge: unknown is not free."""
+        return self._product('known')
+
+    @cached_property
+    def mask(self) -> NDArray[np.uint8]:
+        """The obstacle mask: 0 free, 255 obstacle."""
+        return self._product('mask')
+
+    @cached_property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The connected obstacles, each with its box in the image and in space."""
+        return find_obstacles(self.mask, self.points, self.height)
+
+    @cached_property
+    def obstacle_points(self) -> NDArray[np.float32]:
+        """Points on obstacles, one per obstacle pixel with 3D, row by row.
+
+        Shape (n, 4): x, y, z in the left optical frame and height above the local ground, metres.
+        """
+        return self._cloud(self.mask == OBSTACLE)
+
+    @cached_property
+    def ground_points(self) -> NDArray[np.float32]:
+        """Points on free ground, in the form of `obstacle_points`; unknown pixels are in neither."""
+        return self._cloud((self.mask == FREE) & self.known)
+
+    def _cloud(self, where: NDArray[np.bool_]) -> NDArray[np.float32]:
+        where = where & (self.disparity > 0) & np.isfinite(self.height)
+        return _frozen(np.column_stack((self.points[where], self.height[where])))
+
+    def _product(self, name: str) -> NDArray[Any]:
+        product = self.products[name]
+        return _frozen(product() if callable(product) else product)
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,64 @@
+"""The detector: a camera and a configuration in, pairs of images through, detections out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.gravity import Gravity
+
+OnStage = Callable[[str], None]
+
+
+class Detector:
+    """Finds obstacles in rectified stereo pairs of one camera.
+
+    Parameters
+    ----------
+    camera : StereoCamera
+    config : DetectorConfig, optional
+    rover_mask : ndarray of bool, shape (height, width), optional
+        True where the image shows the rover itself: never judged, never an obstacle.
+    """
+
+    def __init__(
+        self,
+        camera: StereoCamera,
+        config: DetectorConfig | None = None,
+        rover_mask: NDArray[np.bool_] | None = None,
+    ) -> None:
+        self.camera = camera
+        self.config = config or DetectorConfig()
+        self.rover_mask = rover_mask
+
+    def detect(
+        self,
+        left: NDArray[Any],
+        right: NDArray[Any],
+        *,
+        gravity: Gravity | None = None,
+        on_stage: OnStage | None = None,
+    ) -> Detection:
+        """Find the obstacles of one pair.
+
+        Parameters
+        ----------
+        left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+            Grey or BGR, rectified.
+        gravity : Gravity, optional
+            The vertical for this pair, where an IMU or TF gives it; else as configured.
+        on_stage : callable, optional
+            Called with a stage's name as it ends, for timing.
+
+        Raises
+        ------
+        ImageError
+            If an image has another size than the camera, or a type that is not an image.
+        """
+        raise NotImplementedError

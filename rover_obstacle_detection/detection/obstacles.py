@@ -1,0 +1,90 @@
+"""The single obstacles of a mask: boxes in the image and in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """One connected obstacle.
+
+    Parameters
+    ----------
+    left, top, width, height : int
+        Bounding box in the left image, pixels.
+    pixels : int
+        Pixels of the mask.
+    minimum_m, maximum_m : tuple of float
+        Corners of the bounding box in the left optical frame, metres; NaN without 3D.
+    max_height_m : float
+        Greatest height above the local ground, metres; NaN without 3D.
+    range_m : float
+        Distance of its nearest point from the left eye, metres; NaN without 3D.
+    """
+
+    left: int
+    top: int
+    width: int
+    height: int
+    pixels: int
+    minimum_m: tuple[float, float, float]
+    maximum_m: tuple[float, float, float]
+    max_height_m: float
+    range_m: float
+
+
+def find_obstacles(
+    mask: NDArray[np.uint8],
+    points: NDArray[np.float32],
+    height_m: NDArray[np.float32],
+) -> tuple[Obstacle, ...]:
+    """List the 8-connected obstacles of a mask, largest first.
+
+    Parameters
+    ----------
+    mask : ndarray of uint8, shape (height, width)
+        Not zero on obstacles.
+    points : ndarray of float32, shape (height, width, 3)
+        Metres, NaN where none.
+    height_m : ndarray of float32, shape (height, width)
+        Above the local ground; NaN where none.
+    """
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    found = [
+        _measure(number, boxes[number], labels, points, height_m) for number in range(1, count)
+    ]
+    return tuple(sorted(found, key=lambda obstacle: -obstacle.pixels))
+
+
+def _measure(
+    number: int,
+    box: NDArray[np.int32],
+    labels: NDArray[np.int32],
+    points: NDArray[np.float32],
+    height_m: NDArray[np.float32],
+) -> Obstacle:
+    left, top, width, height, pixels = (int(value) for value in box)
+    window = np.s_[top : top + height, left : left + width]
+    inside = (labels[window] == number) & np.isfinite(height_m[window])
+    own = points[window][inside]
+    nowhere = (np.nan, np.nan, np.nan)
+    return Obstacle(
+        left=left,
+        top=top,
+        width=width,
+        height=height,
+        pixels=pixels,
+        minimum_m=_corner(own.min(axis=0)) if len(own) else nowhere,
+        maximum_m=_corner(own.max(axis=0)) if len(own) else nowhere,
+        max_height_m=float(height_m[window][inside].max()) if len(own) else np.nan,
+        range_m=float(np.linalg.norm(own, axis=1).min()) if len(own) else np.nan,
+    )
+
+
+def _corner(values: NDArray[np.float32]) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,63 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'rover_obstacle_detection'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Stereo obstacle detection for planetary rovers: ROS 2 node and offline replay',
+    long_description=open('README.md', encoding='utf-8').read(),
+    long_description_content_type='text/markdown',
+    author='The rover_obstacle_detection developers',
+    author_email='maintainers@rover-obstacle-detection.example',
+    license='Apache-2.0',
+    packages=find_packages(include=[package_name, f'{package_name}.*']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/launch', glob('launch/*.launch.py')),
+        (f'share/{package_name}/config', glob('config/*')),
+    ],
+    python_requires='>=3.10',
+    install_requires=[
+        'numpy>=1.26',
+        'opencv-python-headless>=4.8',
+        'rich>=13',
+        'rosbags>=0.10.5',
+        'ruamel.yaml>=0.18',
+    ],
+    extras_require={
+        'ros': [
+            'ros-jazzy-common-interfaces',
+            'ros-jazzy-rclpy',
+            'ros-jazzy-rmw-fastrtps-cpp',
+        ],
+        'sim': ['mitsuba>=3.6'],
+        'report': ['jinja2>=3', 'matplotlib>=3.6'],
+        'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],
+        'test': [
+            'hypothesis>=6',
+            'mcap>=1.1',
+            'mypy>=1.10',
+            'pytest>=7.4',
+            'ruff>=0.6',
+        ],
+    },
+    zip_safe=False,
+    classifiers=[
+        'License :: OSI Approved :: Apache Software License',
+        'Programming Language :: Python :: 3.10',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3.13',
+    ],
+    entry_points={
+        'console_scripts': [
+            'obstacle_detector = rover_obstacle_detection.node.main:main',
+            'rover-obstacles = rover_obstacle_detection.cli.main:main',
+        ],
+    },
+)
