@@ -1,0 +1,223 @@
+"""A detection as pictures: the study's intermediate steps, and an overlay to see at a glance.
+
+Every picture is BGR, 8 bit, of the left image's size, and lies on it pixel for pixel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.detection import OBSTACLE, Detection
+from rover_obstacle_detection.detection.obstacles import Obstacle
+
+Picture = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+BLACK: Colour = (0, 0, 0)
+WHITE: Colour = (255, 255, 255)
+RED: Colour = (48, 16, 240)
+TEAL: Colour = (168, 178, 36)
+ORANGE: Colour = (32, 140, 245)
+DARK_GREY: Colour = (72, 72, 72)
+LIGHT_GREY: Colour = (150, 150, 150)
+
+# Log scale of the rough-step map: from stereo noise up to what no rover climbs.
+ROUGHNESS_STEP_RANGE_M = (0.001, 1.0)
+
+
+def disparity_picture(detection: Detection) -> Picture:
+    """Disparity from far (blue) to near (red); black where there is no match."""
+    disparity = detection.disparity
+    valid = disparity > 0
+    lowest, highest = disparity_limits(detection)
+    scaled = (disparity - lowest) * (255.0 / max(highest - lowest, 1e-6))
+    picture = cv2.applyColorMap(_to_uint8(scaled), cv2.COLORMAP_TURBO)
+    picture[~valid] = BLACK
+    return _picture(picture)
+
+
+def disparity_limits(detection: Detection) -> tuple[float, float]:
+    """Smallest and largest disparity, outliers apart, pixels; ``(0, 1)`` where none is known."""
+    valid = detection.disparity[detection.disparity > 0]
+    if not valid.size:
+        return 0.0, 1.0
+    lowest, highest = np.percentile(valid, (0.5, 99.5))
+    return float(lowest), float(highest)
+
+
+def regions_picture(detection: Detection) -> Picture:
+    """Give each mean-shift region a hue of its own, as bright as the region is, and an outline."""
+    regions = detection.regions
+    count = int(regions.max()) + 1
+    pixels = np.bincount(regions.ravel(), minlength=count)
+    grey = np.bincount(regions.ravel(), weights=detection.grey.ravel(), minlength=count)
+    brightness = 70.0 + 0.7 * grey / np.maximum(pixels, 1)
+    # Steps of the golden angle keep the hues of consecutive numbers far apart.
+    hue = np.arange(count) * 0.61803398875 % 1.0 * 180.0
+    colours = np.stack((hue, np.full(count, 130.0), brightness), axis=-1)
+    palette = cv2.cvtColor(_to_uint8(colours)[np.newaxis], cv2.COLOR_HSV2BGR)[0]
+    picture = palette[regions]
+    picture[_borders(regions)] = (24, 24, 24)
+    return _picture(picture)
+
+
+def seeds_picture(detection: Detection) -> Picture:
+    """Regions judged by their 3D points in teal, those without enough of them in orange."""
+    seeds = detection.seeds
+    grey = _as_bgr(detection.grey)
+    picture = _tinted(grey, seeds, TEAL, 0.45)
+    picture = _tinted(picture, ~seeds, ORANGE, 0.75)
+    picture[_borders(detection.regions)] //= 2
+    return picture
+
+
+def roughness_step_picture(detection: Detection) -> Picture:
+    """Roughness plus elevation step, log scale from 1 mm (dark) to 1 m (bright); black: none."""
+    low, high = (math.log10(limit) for limit in ROUGHNESS_STEP_RANGE_M)
+    total = detection.roughness + detection.step
+    known = np.isfinite(total)
+    safe = np.where(known, np.maximum(total, ROUGHNESS_STEP_RANGE_M[0]), 1.0)
+    scaled = 24.0 + (np.log10(safe) - low) / (high - low) * 231.0
+    picture = cv2.applyColorMap(_to_uint8(scaled), cv2.COLORMAP_INFERNO)
+    picture[~known] = BLACK
+    return _picture(picture)
+
+
+def mask_picture(detection: Detection) -> Picture:
+    """Draw the final obstacle map: white obstacle, black free, grey not judged."""
+    picture = np.zeros((*detection.mask.shape, 3), np.uint8)
+    picture[~detection.known] = DARK_GREY
+    picture[detection.mask == OBSTACLE] = WHITE
+    return picture
+
+
+def overlay_picture(detection: Detection, image: NDArray[Any] | None = None) -> Picture:
+    """Draw the detection into the left image.
+
+    Obstacles are tinted red and outlined, each with its height above the ground and its distance;
+    pixels that nothing could judge are hatched; the rest of the image is free.
+
+    Parameters
+    ----------
+    detection : Detection
+    image : ndarray, shape (height, width) or (height, width, 3), optional
+        The left image as the detector got it, grey or BGR; without it, or where it is not 8 bit,
+        the detection's own grey image is drawn in.
+    """
+    picture = _as_bgr(detection.grey if image is None or image.dtype != np.uint8 else image)
+    obstacle = detection.mask == OBSTACLE
+    picture = _hatched(picture, ~detection.known & ~obstacle)
+    picture = _tinted(picture, obstacle, RED, 0.4)
+    _outline(picture, detection.mask)
+    _label(picture, detection)
+    return picture
+
+
+PICTURES: Mapping[str, Callable[[Detection], Picture]] = {
+    'disparity': disparity_picture,
+    'regions': regions_picture,
+    'seeds': seeds_picture,
+    'roughness_step': roughness_step_picture,
+    'mask': mask_picture,
+}
+"""The study's pictures by name, in the order of its steps."""
+
+
+def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
+    """Height above the ground and distance of an obstacle, such as ``21 cm @ 1.4 m``."""
+    if not math.isfinite(obstacle.range_m):
+        return 'no 3D'
+    distance = f'@ {obstacle.range_m:.1f} m'
+    # What lies this low is flagged for its slope or its depth: a height would mislead.
+    if not obstacle.max_height_m >= max_step_m / 2:
+        return distance
+    return f'{100 * obstacle.max_height_m:.0f} cm {distance}'
+
+
+def _as_bgr(image: NDArray[Any]) -> Picture:
+    return _picture(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy())
+
+
+def _hatched(picture: Picture, where: NDArray[np.bool_]) -> Picture:
+    dimmed = _as_bgr(_picture(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)) // 2)
+    rows, columns = np.ogrid[: where.shape[0], : where.shape[1]]
+    period = max(8, where.shape[0] // 48)
+    dimmed[(rows + columns) % period < max(1, period // 6)] = LIGHT_GREY
+    return _picture(cv2.copyTo(dimmed, where.astype(np.uint8), picture))
+
+
+def _tinted(
+    picture: Picture, where: NDArray[np.bool_], colour: Colour, strength: float
+) -> Picture:
+    solid = np.full_like(picture, colour)
+    blend = cv2.addWeighted(picture, 1.0 - strength, solid, strength, 0.0)
+    return _picture(cv2.copyTo(blend, where.astype(np.uint8), picture))
+
+
+def _outline(picture: Picture, mask: NDArray[np.uint8]) -> None:
+    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    thickness = max(1, round(picture.shape[0] / 384))
+    cv2.drawContours(picture, contours, -1, BLACK, thickness + 2, cv2.LINE_AA)
+    cv2.drawContours(picture, contours, -1, RED, thickness, cv2.LINE_AA)
+
+
+def _label(picture: Picture, detection: Detection) -> None:
+    """Label the obstacles, the nearest first, leaving out what would cover another label."""
+    scale = max(0.35, picture.shape[0] / 1600.0)
+    taken: list[tuple[int, int, int, int]] = []
+    nearest_first = sorted(
+        detection.obstacles,
+        key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf,
+    )
+    for obstacle in nearest_first:
+        text = obstacle_label(obstacle, detection.config.max_step)
+        (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+        left = obstacle.left + (obstacle.width - width) // 2
+        left = max(2, min(left, picture.shape[1] - width - 3))
+        top = obstacle.top - height - below - 4
+        if top < 2:
+            top = min(obstacle.top + obstacle.height + 4, picture.shape[0] - height - below - 3)
+        box = (left - 2, top - 2, left + width + 2, top + height + below + 1)
+        if any(_overlap(box, other) for other in taken):
+            continue
+        taken.append(box)
+        backdrop = picture[max(box[1], 0) : box[3], max(box[0], 0) : box[2]]
+        backdrop //= 4
+        cv2.putText(
+            picture,
+            text,
+            (left, top + height),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            scale,
+            WHITE,
+            1,
+            cv2.LINE_AA,
+        )
+
+
+def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+def _borders(regions: NDArray[np.int32]) -> NDArray[np.bool_]:
+    borders = np.zeros(regions.shape, np.bool_)
+    borders[:, 1:] |= regions[:, 1:] != regions[:, :-1]
+    borders[1:] |= regions[1:] != regions[:-1]
+    return borders
+
+
+def _to_uint8(values: NDArray[Any]) -> Picture:
+    rounded: Picture = np.clip(np.rint(values), 0, 255).astype(np.uint8)
+    return rounded
+
+
+def _picture(array: NDArray[Any]) -> Picture:
+    # OpenCV's own annotations say Mat for what is an array of 8 bit here.
+    picture: Picture = np.asarray(array, np.uint8)
+    return picture
