@@ -1,10 +1,33 @@
 """Stereo obstacle detection for planetary rovers."""
 
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import Detection
-from rover_obstacle_detection.detection.detector import Detector
-from rover_obstacle_detection.detection.gravity import Gravity
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rover_obstacle_detection.detection.camera import StereoCamera
+    from rover_obstacle_detection.detection.config import DetectorConfig
+    from rover_obstacle_detection.detection.detection import Detection
+    from rover_obstacle_detection.detection.detector import Detector
+    from rover_obstacle_detection.detection.gravity import Gravity
 
 __all__ = ['Detection', 'Detector', 'DetectorConfig', 'Gravity', 'StereoCamera']
 __version__ = '0.1.0'
+
+_HOMES = {
+    'Detection': 'detection',
+    'Detector': 'detector',
+    'DetectorConfig': 'config',
+    'Gravity': 'gravity',
+    'StereoCamera': 'camera',
+}
+
+
+def __getattr__(name: str) -> Any:
+    # OpenCV takes a third of a second to load: `rover-obstacles --help` does without.
+    if name not in _HOMES:
+        msg = f'module {__name__!r} has no attribute {name!r}'
+        raise AttributeError(msg)
+    home = importlib.import_module(f'{__name__}.detection.{_HOMES[name]}')
+    return getattr(home, name)

@@ -124,7 +124,7 @@ PICTURES: Mapping[str, Callable[[Detection], Picture]] = {
     'regions': regions_picture,
     'seeds': seeds_picture,
     'roughness_step': roughness_step_picture,
-    'mask': mask_picture,
+    'obstacle_map': mask_picture,
 }
 """The study's pictures by name, in the order of its steps."""
 

@@ -1,0 +1,1 @@
+"""The command line: argument parsing apart from the work."""

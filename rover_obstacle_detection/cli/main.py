@@ -1,0 +1,99 @@
+"""The command ``rover-obstacles``: one subcommand a module, known errors in one line."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from types import FrameType
+
+from rover_obstacle_detection import __version__
+from rover_obstacle_detection.errors import ObstacleDetectionError
+
+COMMAND_MODULES = (
+    'rover_obstacle_detection.cli.replay_command',
+    'rover_obstacle_detection.cli.detect_command',
+)
+INTERRUPTED = 130
+TERMINATED = 143
+
+DESCRIPTION = """\
+Find rocks, ledges, drops and slopes that stop a rover in rectified stereo images.
+"""
+EPILOG = """\
+Each command has a help of its own: rover-obstacles replay --help
+
+Exit status: 0 done, 1 an error that one line on stderr names, 2 a wrong call.
+"""
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Build the parser of every subcommand; imports nothing heavy."""
+    parser = argparse.ArgumentParser(
+        prog='rover-obstacles',
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
+    subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
+    for module in COMMAND_MODULES:
+        importlib.import_module(module).add_parser(subparsers)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one subcommand.
+
+    Returns
+    -------
+    int
+        Exit status: 0 done, 1 a known error (named on stderr), 130 interrupted.
+
+    Raises
+    ------
+    SystemExit
+        With status 2 on a wrong call, 0 after ``--help`` and ``--version``, 143 on SIGTERM.
+    """
+    arguments = make_parser().parse_args(argv)
+    try:
+        with _termination_unwinds():
+            return int(arguments.run(arguments))
+    except ObstacleDetectionError as error:
+        return _fail(str(error))
+    except BrokenPipeError:
+        # Whoever read the table has gone; what was asked for is on the disk.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        return _fail(str(error))
+    except KeyboardInterrupt:
+        print('rover-obstacles: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def _fail(message: str) -> int:
+    print(f'rover-obstacles: error: {" ".join(message.split())}', file=sys.stderr)
+    return 1
+
+
+@contextlib.contextmanager
+def _termination_unwinds() -> Iterator[None]:
+    """Let SIGTERM unwind the stack as Ctrl-C does, so that nothing half-written stays."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def unwind(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(TERMINATED)
+
+    before = signal.signal(signal.SIGTERM, unwind)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
