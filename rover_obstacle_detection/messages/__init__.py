@@ -1,0 +1,1 @@
+"""ROS messages to arrays and back, for the messages of rclpy and of rosbags alike."""

@@ -1,0 +1,155 @@
+"""Camera calibrations: from ROS calibration files and from ``sensor_msgs/CameraInfo``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from rover_obstacle_detection.detection.camera import RegionOfInterest, StereoCamera
+from rover_obstacle_detection.errors import CameraError
+
+
+@dataclass(frozen=True)
+class CameraInfo:
+    """What ``sensor_msgs/CameraInfo`` says of one eye, free of any message library.
+
+    Parameters
+    ----------
+    width, height : int
+        Size of the full image, pixels.
+    distortion_model : str
+    d : tuple of float
+        Distortion coefficients.
+    k, r : tuple of 9 float
+        Intrinsic and rectification matrix, row by row.
+    p : tuple of 12 float
+        Projection matrix of the rectified image, row by row.
+    binning_x, binning_y : int
+    roi : RegionOfInterest, optional
+    """
+
+    width: int
+    height: int
+    distortion_model: str
+    d: tuple[float, ...]
+    k: tuple[float, ...]
+    r: tuple[float, ...]
+    p: tuple[float, ...]
+    binning_x: int = 0
+    binning_y: int = 0
+    roi: RegionOfInterest | None = None
+
+    @classmethod
+    def from_message(cls, message: Any) -> CameraInfo:
+        """Read a ``sensor_msgs/CameraInfo`` of ROS 2 (``k``) or ROS 1 (``K``)."""
+
+        def matrix(name: str) -> tuple[float, ...]:
+            values = getattr(message, name, None)
+            if values is None:
+                values = getattr(message, name.upper())
+            return tuple(float(value) for value in values)
+
+        return cls(
+            width=int(message.width),
+            height=int(message.height),
+            distortion_model=str(message.distortion_model),
+            d=matrix('d'),
+            k=matrix('k'),
+            r=matrix('r'),
+            p=matrix('p'),
+            binning_x=int(message.binning_x),
+            binning_y=int(message.binning_y),
+            roi=message.roi,
+        )
+
+
+def load_camera_info(path: str | Path) -> CameraInfo:
+    """Read a calibration file of ROS's camera_calibration or camera_info_manager.
+
+    Raises
+    ------
+    CameraError
+        Naming the file and, where one is missing or wrong, the key.
+    """
+    path = Path(path)
+    try:
+        content = YAML(typ='safe').load(path.read_text(encoding='utf-8'))
+    except FileNotFoundError:
+        msg = f'{path}: no such calibration file'
+        raise CameraError(msg) from None
+    except OSError as error:
+        msg = f'{path}: cannot be read: {error.strerror}'
+        raise CameraError(msg) from None
+    except (YAMLError, UnicodeDecodeError):
+        content = None
+    if not isinstance(content, dict):
+        msg = f'{path}: is not a ROS camera calibration file (YAML with image_width, ...)'
+        raise CameraError(msg)
+    return CameraInfo(
+        width=_size(content, 'image_width', path),
+        height=_size(content, 'image_height', path),
+        distortion_model=str(content.get('distortion_model', '')),
+        d=_numbers(content, 'distortion_coefficients', None, path),
+        k=_numbers(content, 'camera_matrix', 9, path),
+        r=_numbers(content, 'rectification_matrix', 9, path),
+        p=_numbers(content, 'projection_matrix', 12, path),
+    )
+
+
+def load_stereo_camera(left_yaml: str | Path, right_yaml: str | Path) -> StereoCamera:
+    """Read the two calibration files of a stereo camera.
+
+    Raises
+    ------
+    CameraError
+        Naming the file and key, or what the two contradict each other in.
+    """
+    return stereo_camera(
+        load_camera_info(left_yaml), load_camera_info(right_yaml), f'{left_yaml} and {right_yaml}'
+    )
+
+
+def stereo_camera(left: CameraInfo, right: CameraInfo, source: str) -> StereoCamera:
+    """Make the stereo camera of two calibrations.
+
+    Raises
+    ------
+    CameraError
+        With ``source``, the files or topics, in front of what is wrong.
+    """
+    try:
+        return StereoCamera.from_camera_info(left, right)
+    except CameraError as error:
+        msg = f'{source}: {error}'
+        raise CameraError(msg) from None
+
+
+def _size(content: dict[str, Any], key: str, path: Path) -> int:
+    value = content.get(key)
+    if isinstance(value, bool) or not isinstance(value, int):
+        msg = f'{path}: {key} is {value!r}: expected a number of pixels'
+        raise CameraError(msg)
+    return value
+
+
+def _numbers(
+    content: dict[str, Any], key: str, count: int | None, path: Path
+) -> tuple[float, ...]:
+    matrix = content.get(key)
+    data = matrix.get('data') if isinstance(matrix, dict) else None
+    if not isinstance(data, list):
+        msg = f'{path}: {key} is missing or has no data: expected a list of numbers'
+        raise CameraError(msg)
+    try:
+        numbers = tuple(float(value) for value in data)
+    except (TypeError, ValueError):
+        msg = f'{path}: {key} holds something else than numbers: {data}'
+        raise CameraError(msg) from None
+    if count is not None and len(numbers) != count:
+        msg = f'{path}: {key} has {len(numbers)} numbers: expected {count}'
+        raise CameraError(msg)
+    return numbers

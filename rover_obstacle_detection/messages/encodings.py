@@ -1,0 +1,62 @@
+"""The pixel encodings of ``sensor_msgs/image_encodings`` that this package understands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import DTypeLike
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How an encoding lies in memory, and what makes it grey or BGR.
+
+    Parameters
+    ----------
+    dtype : dtype
+        Type of one channel, in native byte order.
+    channels : int
+    conversion : int, optional
+        OpenCV's colour conversion to BGR (of 16-bit mosaics: to grey).
+    """
+
+    dtype: DTypeLike
+    channels: int
+    conversion: int | None = None
+
+    @property
+    def pixel_bytes(self) -> int:
+        """Size of one pixel, bytes."""
+        return np.dtype(self.dtype).itemsize * self.channels
+
+
+IMAGE_ENCODINGS = {
+    'mono8': Encoding(np.uint8, 1),
+    '8UC1': Encoding(np.uint8, 1),
+    'mono16': Encoding(np.uint16, 1),
+    '16UC1': Encoding(np.uint16, 1),
+    'bgr8': Encoding(np.uint8, 3),
+    '8UC3': Encoding(np.uint8, 3),
+    'rgb8': Encoding(np.uint8, 3, cv2.COLOR_RGB2BGR),
+    'bgra8': Encoding(np.uint8, 4, cv2.COLOR_BGRA2BGR),
+    '8UC4': Encoding(np.uint8, 4, cv2.COLOR_BGRA2BGR),
+    'rgba8': Encoding(np.uint8, 4, cv2.COLOR_RGBA2BGR),
+    'bayer_rggb8': Encoding(np.uint8, 1, cv2.COLOR_BayerRGGB2BGR),
+    'bayer_bggr8': Encoding(np.uint8, 1, cv2.COLOR_BayerBGGR2BGR),
+    'bayer_gbrg8': Encoding(np.uint8, 1, cv2.COLOR_BayerGBRG2BGR),
+    'bayer_grbg8': Encoding(np.uint8, 1, cv2.COLOR_BayerGRBG2BGR),
+    'bayer_rggb16': Encoding(np.uint16, 1, cv2.COLOR_BayerRGGB2GRAY),
+    'bayer_bggr16': Encoding(np.uint16, 1, cv2.COLOR_BayerBGGR2GRAY),
+    'bayer_gbrg16': Encoding(np.uint16, 1, cv2.COLOR_BayerGBRG2GRAY),
+    'bayer_grbg16': Encoding(np.uint16, 1, cv2.COLOR_BayerGRBG2GRAY),
+}
+
+FLOAT_ENCODING = '32FC1'
+
+WRITTEN_ENCODINGS = {
+    **{name: each for name, each in IMAGE_ENCODINGS.items() if each.conversion is None},
+    'rgb8': IMAGE_ENCODINGS['rgb8'],
+    FLOAT_ENCODING: Encoding(np.float32, 1),
+}

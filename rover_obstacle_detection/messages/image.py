@@ -1,0 +1,208 @@
+"""``sensor_msgs/Image`` and ``CompressedImage`` to arrays and back, without cv_bridge."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.errors import ImageError
+from rover_obstacle_detection.messages.encodings import (
+    FLOAT_ENCODING,
+    IMAGE_ENCODINGS,
+    WRITTEN_ENCODINGS,
+    Encoding,
+)
+from rover_obstacle_detection.messages.factory import MessageFactory
+
+# A file cut short ends without them; decoders then fill up with grey or complain on stderr.
+_FILE_ENDS = {
+    b'\xff\xd8\xff': ('JPEG', b'\xff\xd9'),
+    b'\x89PNG': ('PNG', b'IEND\xaeB`\x82'),
+}
+
+
+def decode_any_image(message: Any, name: str) -> NDArray[Any]:
+    """Decode an Image or a CompressedImage, whichever it is; see `decode_image`."""
+    if hasattr(message, 'encoding'):
+        return decode_image(message, name)
+    return decode_compressed_image(message, name)
+
+
+def decode_image(message: Any, name: str) -> NDArray[Any]:
+    """Decode a ``sensor_msgs/Image``.
+
+    Parameters
+    ----------
+    message : sensor_msgs/Image
+        Of rclpy or rosbags; a ``step`` beyond the row and either endianness are honoured.
+    name : str
+        Topic or file, for the error.
+
+    Returns
+    -------
+    ndarray of uint8 or uint16, shape (height, width), or of uint8, shape (height, width, 3)
+        Grey, or BGR. It shares the message's memory where nothing had to be converted: not to be
+        written to. 16-bit Bayer mosaics come out as 16-bit grey.
+
+    Raises
+    ------
+    ImageError
+        Naming the field that is wrong, and what was expected.
+    """
+    encoding = IMAGE_ENCODINGS.get(message.encoding)
+    if encoding is None:
+        msg = (
+            f'{name}: encoding is {message.encoding!r}: expected one of '
+            f'{", ".join(IMAGE_ENCODINGS)}'
+        )
+        raise ImageError(msg)
+    pixels = _pixels(message, encoding, name)
+    return pixels if encoding.conversion is None else cv2.cvtColor(pixels, encoding.conversion)
+
+
+def decode_float_image(message: Any, name: str) -> NDArray[np.float32]:
+    """Decode a 32FC1 ``sensor_msgs/Image``: depth or disparity, shape (height, width).
+
+    Raises
+    ------
+    ImageError
+        Naming the field that is wrong, and what was expected.
+    """
+    if message.encoding != FLOAT_ENCODING:
+        msg = f'{name}: encoding is {message.encoding!r}: expected {FLOAT_ENCODING}'
+        raise ImageError(msg)
+    return _pixels(message, WRITTEN_ENCODINGS[FLOAT_ENCODING], name)
+
+
+def decode_compressed_image(message: Any, name: str) -> NDArray[Any]:
+    """Decode a ``sensor_msgs/CompressedImage`` (JPEG, PNG or another file that OpenCV reads).
+
+    Parameters
+    ----------
+    message : sensor_msgs/CompressedImage
+    name : str
+        Topic, for the error.
+
+    Returns
+    -------
+    ndarray
+        As of `decode_image`.
+
+    Raises
+    ------
+    ImageError
+        If the data is empty, cut short or not an image of 8 or 16 bits.
+    """
+    data = _bytes(message.data)
+    _check_complete(data, name)
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
+    if image is None:
+        msg = (
+            f'{name}: data is not an image that can be decoded (format {message.format!r}, '
+            f'{data.size} bytes)'
+        )
+        raise ImageError(msg)
+    if image.dtype not in (np.uint8, np.uint16):
+        msg = f'{name}: data decodes to {image.dtype}: expected 8 or 16 bits a channel'
+        raise ImageError(msg)
+    return _grey_or_bgr(image, message.format)
+
+
+def encode_image(array: NDArray[Any], encoding: str, header: Any, factory: MessageFactory) -> Any:
+    """Make a ``sensor_msgs/Image``, rows unpadded, in native byte order.
+
+    Parameters
+    ----------
+    array : ndarray, shape (height, width) or (height, width, channels)
+    encoding : str
+        mono8, mono16, 8UC1, 16UC1, bgr8, rgb8, 8UC3 or 32FC1: only names the channels, nothing is
+        converted.
+    header : std_msgs/Header
+    factory : MessageFactory
+
+    Raises
+    ------
+    ValueError
+        If the array is not of the encoding's type and channels.
+    """
+    layout = WRITTEN_ENCODINGS[encoding]
+    channels = 1 if array.ndim == 2 else array.shape[2]
+    if array.dtype != np.dtype(layout.dtype) or channels != layout.channels:
+        msg = f'an array of {array.dtype} and {channels} channels is not {encoding}'
+        raise ValueError(msg)
+    height, width = array.shape[:2]
+    return factory.make(
+        'sensor_msgs/msg/Image',
+        header=header,
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=int(sys.byteorder == 'big'),
+        step=width * layout.pixel_bytes,
+        data=np.ascontiguousarray(array).reshape(-1).view(np.uint8),
+    )
+
+
+def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    for field, value in (('height', height), ('width', width)):
+        if value <= 0:
+            msg = f'{name}: {field} is {value}: expected a positive number of pixels'
+            raise ImageError(msg)
+    row_bytes = width * encoding.pixel_bytes
+    if step < row_bytes:
+        msg = (
+            f'{name}: step is {step}: expected at least {row_bytes} bytes for {width} pixels of '
+            f'{message.encoding}'
+        )
+        raise ImageError(msg)
+    data = _bytes(message.data)
+    if data.size != height * step:
+        msg = (
+            f'{name}: data has {data.size} bytes: expected height x step = {height} x {step} = '
+            f'{height * step}'
+        )
+        raise ImageError(msg)
+    stored = np.dtype(encoding.dtype).newbyteorder('>' if message.is_bigendian else '<')
+    shape = (height, width) if encoding.channels == 1 else (height, width, encoding.channels)
+    strides = (step, encoding.pixel_bytes, stored.itemsize)[: len(shape)]
+    pixels: NDArray[Any] = np.ndarray(shape, stored, data.data, strides=strides)
+    return pixels.astype(encoding.dtype, copy=False)
+
+
+def _bytes(data: Any) -> NDArray[np.uint8]:
+    return np.frombuffer(data, np.uint8) if len(data) else np.zeros(0, np.uint8)
+
+
+def _check_complete(data: NDArray[np.uint8], name: str) -> None:
+    if not data.size:
+        msg = f'{name}: data is empty: expected a compressed image'
+        raise ImageError(msg)
+    start = data[:4].tobytes()
+    for magic, (kind, end) in _FILE_ENDS.items():
+        # Some cameras pad the file to a round size, hence not only the last bytes.
+        if start.startswith(magic) and end not in data[-4096:].tobytes():
+            msg = f'{name}: data is a {kind} file of {data.size} bytes cut short: expected its end'
+            raise ImageError(msg)
+
+
+def _grey_or_bgr(image: NDArray[Any], format_: str) -> NDArray[Any]:
+    if image.ndim == 2:
+        source = IMAGE_ENCODINGS.get(format_.split(';')[0].strip())
+        # compressed_image_transport compresses a Bayer mosaic as if it were grey.
+        if source is None or source.conversion is None or source.channels != 1:
+            return image
+        if np.dtype(source.dtype) != image.dtype:
+            return image
+        return cv2.cvtColor(image, source.conversion)
+    if image.dtype == np.uint16:
+        alpha = image.shape[2] == 4
+        return cv2.cvtColor(image, cv2.COLOR_BGRA2GRAY if alpha else cv2.COLOR_BGR2GRAY)
+    return cv2.cvtColor(image, cv2.COLOR_BGRA2BGR) if image.shape[2] == 4 else image

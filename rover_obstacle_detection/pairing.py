@@ -1,0 +1,232 @@
+"""Left and right images brought together by their stamps, live and from recordings alike."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+RESTART_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A left and a right image that belong together.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Stamp of the left image.
+    left, right
+        The items given with the stamps.
+    gap_ns : int
+        Difference of the two stamps.
+    """
+
+    stamp_ns: int
+    left: Any
+    right: Any
+    gap_ns: int
+
+
+@dataclass(frozen=True)
+class PairingStatistics:
+    """What came in and what became of it: ``left = pairs + unmatched_left + pending_left``.
+
+    ``smallest_gap_ns`` is the smallest difference seen between a left and a right stamp, matched
+    or not; None before there was one of each.
+    """
+
+    left: int
+    right: int
+    pairs: int
+    unmatched_left: int
+    unmatched_right: int
+    pending_left: int
+    pending_right: int
+    smallest_gap_ns: int | None
+
+
+class _Image(NamedTuple):
+    stamp_ns: int
+    item: Any
+
+
+class _Side:
+    """One eye: its waiting images, oldest first, and its counts."""
+
+    def __init__(self) -> None:
+        self.waiting: deque[_Image] = deque()
+        self.received = 0
+        self.unmatched = 0
+        self.newest_ns: int | None = None
+        self.smallest_spacing_ns: int | None = None
+
+    def append(self, image: _Image) -> None:
+        if self.newest_ns is not None and image.stamp_ns > self.newest_ns:
+            spacing_ns = image.stamp_ns - self.newest_ns
+            known_ns = self.smallest_spacing_ns
+            self.smallest_spacing_ns = (
+                spacing_ns if known_ns is None else min(known_ns, spacing_ns)
+            )
+        self.newest_ns = image.stamp_ns
+        self.received += 1
+        self.waiting.append(image)
+
+    def drop_oldest(self) -> None:
+        self.waiting.popleft()
+        self.unmatched += 1
+
+    def drop_all(self) -> None:
+        self.unmatched += len(self.waiting)
+        self.waiting.clear()
+
+    def drop_after(self, stamp_ns: int) -> None:
+        kept = [image for image in self.waiting if image.stamp_ns <= stamp_ns]
+        self.unmatched += len(self.waiting) - len(kept)
+        self.waiting = deque(kept)
+
+    def take(self, image: _Image) -> None:
+        """Take out an image; those before it, which now come too late, are unmatched."""
+        while self.waiting[0] is not image:
+            self.drop_oldest()
+        self.waiting.popleft()
+
+
+class StereoPairing:
+    """Pairs images as they arrive; every image ends in one pair or is counted as unmatched.
+
+    With exact stamps an image is paired the moment its partner arrives.
+
+    With a tolerance, each image goes to its nearest partner within it, in order, none twice. Where
+    a nearer partner may still come (the gap is more than a quarter of the smallest spacing of that
+    eye's stamps so far), the pair is held until that eye's next image: after a lost image the eyes
+    would otherwise stay one frame apart for as long as the tolerance lets them.
+
+    Pairs depend on the stamps alone, not on how the two streams interleave, as long as each
+    eye's stamps increase, neither runs ahead by more than ``queue_size`` images and, with a
+    tolerance, no spacing is under half of what it was before. Not thread-safe.
+
+    Parameters
+    ----------
+    tolerance_ns : int, optional
+        Largest difference of the stamps of a pair; None: the stamps must be equal.
+    queue_size : int
+        Images that may wait on each side.
+    """
+
+    def __init__(self, tolerance_ns: int | None = None, queue_size: int = 5) -> None:
+        if queue_size < 1 or (tolerance_ns is not None and tolerance_ns < 0):
+            msg = f'queue_size {queue_size} or tolerance_ns {tolerance_ns} is too small'
+            raise ValueError(msg)
+        self.tolerance_ns = tolerance_ns
+        self.queue_size = queue_size
+        self._left = _Side()
+        self._right = _Side()
+        self._ready: deque[Pair] = deque()
+        self._pairs = 0
+        self._smallest_gap_ns: int | None = None
+
+    def add_left(self, stamp_ns: int, item: Any) -> Pair | None:
+        """Take a left image; return the next pair if there is one."""
+        return self._add(self._left, self._right, _Image(stamp_ns, item))
+
+    def add_right(self, stamp_ns: int, item: Any) -> Pair | None:
+        """Take a right image; return the next pair if there is one."""
+        return self._add(self._right, self._left, _Image(stamp_ns, item))
+
+    def flush(self) -> list[Pair]:
+        """End the recording: return the pairs that were held, count what is left as unmatched."""
+        if self.tolerance_ns is not None:
+            self._match_nearest(self.tolerance_ns, ended=True)
+        pairs = list(self._ready)
+        self._ready.clear()
+        self._left.drop_all()
+        self._right.drop_all()
+        return pairs
+
+    @property
+    def statistics(self) -> PairingStatistics:
+        """The counts up to now."""
+        return PairingStatistics(
+            left=self._left.received,
+            right=self._right.received,
+            pairs=self._pairs,
+            unmatched_left=self._left.unmatched,
+            unmatched_right=self._right.unmatched,
+            pending_left=len(self._left.waiting),
+            pending_right=len(self._right.waiting),
+            smallest_gap_ns=self._smallest_gap_ns,
+        )
+
+    def _add(self, own: _Side, other: _Side, image: _Image) -> Pair | None:
+        self._restart_if_back(own, other, image.stamp_ns)
+        self._note_gap(other, image.stamp_ns)
+        own.append(image)
+        if self.tolerance_ns is None:
+            self._match_equal(image, other)
+        else:
+            self._match_nearest(self.tolerance_ns)
+        for side in (own, other):
+            while len(side.waiting) > self.queue_size:
+                side.drop_oldest()
+        return self._ready.popleft() if self._ready else None
+
+    def _restart_if_back(self, own: _Side, other: _Side, stamp_ns: int) -> None:
+        # Nearest matching needs stamps in order; equal stamps are found in any order.
+        allowed_ns = RESTART_NS if self.tolerance_ns is None else 0
+        if own.newest_ns is None or stamp_ns >= own.newest_ns - allowed_ns:
+            return
+        own.drop_all()
+        own.smallest_spacing_ns = None
+        # The other eye may have jumped first: what it has from after the jump is kept.
+        other.drop_after(stamp_ns + RESTART_NS)
+
+    def _note_gap(self, other: _Side, stamp_ns: int) -> None:
+        candidates = [image.stamp_ns for image in other.waiting]
+        if other.newest_ns is not None:
+            candidates.append(other.newest_ns)
+        for candidate_ns in candidates:
+            gap_ns = abs(stamp_ns - candidate_ns)
+            if self._smallest_gap_ns is None or gap_ns < self._smallest_gap_ns:
+                self._smallest_gap_ns = gap_ns
+
+    def _match_equal(self, image: _Image, other: _Side) -> None:
+        for candidate in other.waiting:
+            if candidate.stamp_ns == image.stamp_ns:
+                is_left = other is self._right
+                self._emit(*((image, candidate) if is_left else (candidate, image)))
+                return
+
+    def _match_nearest(self, tolerance_ns: int, *, ended: bool = False) -> None:
+        while self._left.waiting and self._right.waiting:
+            left, right = self._left.waiting[0], self._right.waiting[0]
+            early, late = self._left, self._right
+            if right.stamp_ns < left.stamp_ns:
+                early, late = late, early
+            late_ns = late.waiting[0].stamp_ns
+            gap_ns = abs(left.stamp_ns - right.stamp_ns)
+            if gap_ns > tolerance_ns:
+                early.drop_oldest()
+            elif len(early.waiting) > 1:
+                if abs(early.waiting[1].stamp_ns - late_ns) < gap_ns:
+                    early.drop_oldest()
+                else:
+                    self._emit(left, right)
+            elif ended or self._cannot_be_beaten(early, late, gap_ns):
+                self._emit(left, right)
+            else:
+                return
+
+    def _cannot_be_beaten(self, early: _Side, late: _Side, gap_ns: int) -> bool:
+        if gap_ns == 0 or len(late.waiting) > self.queue_size:
+            return True
+        spacing_ns = early.smallest_spacing_ns
+        return spacing_ns is not None and 4 * gap_ns <= spacing_ns
+
+    def _emit(self, left: _Image, right: _Image) -> None:
+        self._left.take(left)
+        self._right.take(right)
+        self._pairs += 1
+        gap_ns = abs(left.stamp_ns - right.stamp_ns)
+        self._ready.append(Pair(left.stamp_ns, left.item, right.item, gap_ns))
