@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, cast
 
 from rover_obstacle_detection.errors import ConfigurationError
 
+Value = bool | int | float | str
+
 METHODS = ('hybrid', 'study')
 GRAVITY_SOURCES = ('estimate', 'parameters', 'imu', 'tf')
-SGBM_MODES = ('0 SGBM, 1 HH, 2 SGBM_3WAY, 3 HH4',)
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,7 @@ class ParameterDescription:
     """What a user, a ROS parameter descriptor and the documentation need of one parameter."""
 
     name: str
-    default: bool | int | float | str
+    default: Value
     description: str
     minimum: float | None = None
     maximum: float | None = None
@@ -230,6 +231,6 @@ class DetectorConfig:
     def parameters(cls) -> tuple[ParameterDescription, ...]:
         """List every parameter: name, default, range, meaning."""
         return tuple(
-            ParameterDescription(name=each.name, default=each.default, **each.metadata)
+            ParameterDescription(each.name, cast(Value, each.default), **each.metadata)
             for each in fields(cls)
         )

@@ -75,7 +75,7 @@ class Detection:
 
     @cached_property
     def step(self) -> NDArray[np.float32]:
-        """Largest elevation difference within a window along the vertical, metres; NaN where none."""
+        """Largest elevation difference within a window, metres; NaN where none."""
         return self._product('step')
 
     @cached_property
@@ -108,7 +108,7 @@ class Detection:
 
     @cached_property
     def ground_points(self) -> NDArray[np.float32]:
-        """Points on free ground, in the form of `obstacle_points`; unknown pixels are in neither."""
+        """Points on free ground, as `obstacle_points`; unknown pixels are in neither."""
         return self._cloud((self.mask == FREE) & self.known)
 
     def _cloud(self, where: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -12,6 +12,9 @@ from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.hybrid import detect_hybrid
+from rover_obstacle_detection.detection.image import equalized, grey_pair
+from rover_obstacle_detection.detection.study import detect_as_study
 
 OnStage = Callable[[str], None]
 
@@ -61,4 +64,14 @@ class Detector:
         ImageError
             If an image has another size than the camera, or a type that is not an image.
         """
-        raise NotImplementedError
+        pair = grey_pair(left, right, self.camera)
+        if self.config.equalize_histogram:
+            pair = equalized(pair)
+        finished = on_stage or _unobserved
+        finished('grey')
+        chain = detect_as_study if self.config.method == 'study' else detect_hybrid
+        return chain(pair, self.camera, self.config, gravity, finished)
+
+
+def _unobserved(stage: str) -> None:
+    pass

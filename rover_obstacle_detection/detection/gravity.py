@@ -28,7 +28,7 @@ class Gravity:
     def from_angles(
         cls, pitch_deg: float, roll_deg: float = 0.0, height_m: float | None = None
     ) -> Gravity:
-        """Make it of the optical axis's angle below the horizon and the clockwise roll about it."""
+        """Make it of the optical axis's angle below the horizon and the clockwise roll."""
         pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
         return cls(
             up=(

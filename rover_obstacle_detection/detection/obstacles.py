@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -64,7 +65,7 @@ def find_obstacles(
 def _measure(
     number: int,
     box: NDArray[np.int32],
-    labels: NDArray[np.int32],
+    labels: NDArray[Any],
     points: NDArray[np.float32],
     height_m: NDArray[np.float32],
 ) -> Obstacle:

@@ -1,0 +1,135 @@
+"""The ground that a rock stands on: smooth at the scale of the rover, without the rocks."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Grid = NDArray[np.float32]
+
+
+def local_ground(
+    height_m: Grid,
+    weight: Grid,
+    cell_m: float,
+    *,
+    opening_m: float,
+    trend_m: float,
+    smoothing_m: float,
+    tolerance_m: float,
+) -> Grid:
+    """Estimate the ground under and between the obstacles.
+
+    Parameters
+    ----------
+    height_m : ndarray of float32, shape (rows, columns)
+        Mean height of each cell over the ground plane, metres.
+    weight : ndarray of float32, shape (rows, columns)
+        Trust in each cell; 0 where it is empty.
+    cell_m : float
+        Side of a cell, metres.
+    opening_m : float
+        Obstacles narrower than this are opened away, metres.
+    trend_m : float
+        Standard deviation of the local linear regression, metres.
+    smoothing_m : float
+        Standard deviation of the final mean, metres.
+    tolerance_m : float
+        Cells within so much of the trend are ground, metres.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns)
+        Height of the ground over the plane, metres, everywhere: empty cells take the trend of
+        those around them.
+
+    Notes
+    -----
+    Grey-value opening gives the lower envelope, a local linear regression its trend (local
+    constants would flatten slopes towards the edge of what is seen), and the mean of the cells
+    near the trend the ground; the last two are done twice, the second time from the ground itself.
+    """
+    present = weight > 0
+    filled = _smoothed(height_m, weight, np.zeros_like(height_m), 1.0)
+    envelope = _opened(filled, present, max(3, round(opening_m / cell_m) | 1))
+    near = present & (height_m - envelope < tolerance_m)
+    for _ in range(2):
+        trusted = np.where(near, weight, 0).astype(np.float32)
+        trend = _regress(height_m, trusted, trend_m / cell_m)
+        ground = _smoothed(height_m, trusted, trend, smoothing_m / cell_m)
+        near = present & (height_m - ground < tolerance_m * 0.6)
+    return ground
+
+
+def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    far = np.float32(1e6)
+    lowest = cv2.erode(np.where(present, height_m, far), kernel, borderType=cv2.BORDER_REPLICATE)
+    lowest = np.where(lowest >= far, -far, lowest)
+    return np.asarray(cv2.dilate(lowest, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
+
+
+def _gaussian(image: Grid, sigma_cells: float) -> Grid:
+    """Gaussian mean with nothing outside; wide ones on a coarser grid."""
+    return np.asarray(
+        cv2.GaussianBlur(image, (0, 0), sigma_cells, borderType=cv2.BORDER_CONSTANT), np.float32
+    )
+
+
+def _smoothed(height_m: Grid, weight: Grid, trend: Grid, sigma_cells: float) -> Grid:
+    """Weighted mean of the deviation from the trend, fading to the trend where weight is thin."""
+    deviation = _gaussian(weight * (height_m - trend), sigma_cells)
+    total = _gaussian(weight, sigma_cells)
+    floor = np.float32(1e-3) * np.float32(max(float(weight.mean()), 1e-9))
+    return trend + deviation / (total + floor)
+
+
+def _regress(height_m: Grid, weight: Grid, sigma_cells: float) -> Grid:
+    """Local linear regression with Gaussian weights, on a grid coarse enough for its width."""
+    reduction = max(1, math.floor(sigma_cells / 4))
+    rows, columns = height_m.shape
+    small = max(1, columns // reduction), max(1, rows // reduction)
+    if reduction > 1:
+        mass = cv2.resize(weight, small, interpolation=cv2.INTER_AREA)
+        moment = cv2.resize(weight * height_m, small, interpolation=cv2.INTER_AREA)
+    else:
+        mass, moment = weight, weight * height_m
+    sigma = sigma_cells * small[0] / columns
+    value = _local_line(np.asarray(moment, np.float64), np.asarray(mass, np.float64), sigma)
+    if reduction > 1:
+        value = cv2.resize(value, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(value, np.float32)
+
+
+def _local_line(
+    moment: NDArray[np.float64], mass: NDArray[np.float64], sigma: float
+) -> NDArray[np.float64]:
+    radius = max(1, math.ceil(3.5 * sigma))
+    offsets = np.arange(-radius, radius + 1, dtype=np.float64)
+    bell = np.exp(-0.5 * (offsets / sigma) ** 2)
+
+    def blurred(image: NDArray[np.float64], u_power: int, v_power: int) -> NDArray[np.float64]:
+        return np.asarray(
+            cv2.sepFilter2D(
+                image, cv2.CV_64F, bell * offsets**u_power, bell * offsets**v_power,
+                borderType=cv2.BORDER_CONSTANT,
+            )
+        )  # fmt: skip
+
+    n, u, v = blurred(mass, 0, 0), blurred(mass, 1, 0), blurred(mass, 0, 1)
+    uu, uv, vv = blurred(mass, 2, 0), blurred(mass, 1, 1), blurred(mass, 0, 2)
+    h, uh, vh = blurred(moment, 0, 0), blurred(moment, 1, 0), blurred(moment, 0, 1)
+    n = np.maximum(n, 1e-12)
+    mean_u, mean_v, mean_h = u / n, v / n, h / n
+    # A ridge of a fraction of the window keeps the slope tame where cells lie on a line.
+    ridge = 0.02 * sigma**2
+    cuu, cvv = uu / n - mean_u**2 + ridge, vv / n - mean_v**2 + ridge
+    cuv = uv / n - mean_u * mean_v
+    cuh, cvh = uh / n - mean_u * mean_h, vh / n - mean_v * mean_h
+    determinant = np.maximum(cuu * cvv - cuv**2, 1e-12)
+    slope_u = (cuh * cvv - cvh * cuv) / determinant
+    slope_v = (cvh * cuu - cuh * cuv) / determinant
+    return np.asarray(mean_h - slope_u * mean_u - slope_v * mean_v)

@@ -1,0 +1,143 @@
+"""The study's method with its listed errors mended and its own parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection
+from rover_obstacle_detection.detection.disparity import Penalties, penalties, plain_disparity
+from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.grey_level import dark_regions
+from rover_obstacle_detection.detection.ground_plane import estimate_ground
+from rover_obstacle_detection.detection.image import GreyPair
+from rover_obstacle_detection.detection.morphology import close_then_open
+from rover_obstacle_detection.detection.noise import WINDOW_NOISE_PX
+from rover_obstacle_detection.detection.regions import seed_regions
+from rover_obstacle_detection.detection.reprojection import reproject
+from rover_obstacle_detection.detection.segmentation import mean_shift_regions
+from rover_obstacle_detection.detection.terrain import (
+    elevation_along,
+    window_roughness,
+    window_step,
+)
+
+DISPARITIES = 48
+PENALTIES = Penalties(one=8 * 3 * 5 * 5, more=32 * 3 * 5 * 5)
+GROUND_TOLERANCE_M = 0.05
+
+# The range of 25 samples of unit noise averages 3.9, with a spread of 0.7 (Tippett 1925), their
+# mean deviation 0.8 with 0.12: three spreads more is what noise alone does not reach.
+_NOISE_STEP = 6.0
+_NOISE_ROUGHNESS = 1.2
+
+
+def detect_as_study(
+    pair: GreyPair,
+    camera: StereoCamera,
+    config: DetectorConfig,
+    gravity: Gravity | None,
+    finished: Callable[[str], None],
+) -> Detection:
+    """Run the study's chain (section 4.2) on one pair.
+
+    Parameters
+    ----------
+    pair : tuple of two ndarray of uint8, shape (height, width)
+    camera : StereoCamera
+    config : DetectorConfig
+    gravity : Gravity, optional
+        The vertical, where known.
+    finished : callable
+        Told the name of each stage as it ends.
+    """
+    grey = pair[0]
+    count = config.disparity_range or DISPARITIES
+    disparity = plain_disparity(*pair, camera, count, config, penalties(config, PENALTIES))
+    disparity = np.asarray(cv2.medianBlur(disparity, 5), np.float32)
+    disparity[disparity < camera.disparity_at(config.max_range)] = 0
+    finished('disparity')
+    points = reproject(disparity, camera)
+    has_point = disparity > 0
+    finished('reprojection')
+    ground = estimate_ground(disparity, camera, config, gravity)
+    elevation_m = elevation_along(points, ground.up_vector)
+    finished('ground')
+    regions = mean_shift_regions(
+        grey,
+        config.mean_shift_spatial_radius,
+        config.mean_shift_color_radius,
+        config.min_region_size,
+    )
+    finished('segmentation')
+    is_seed = seed_regions(regions, has_point, config.min_seed_points)
+    finished('seeds')
+    roughness = window_roughness(disparity, camera, config.window_size)
+    step = window_step(elevation_m, config.window_size)
+    finished('terrain')
+    rough = exceeds_terrain_limits(roughness, step, disparity, elevation_m, config)
+    dark = dark_regions(grey, regions, is_seed, config.dark_grey_level)
+    obstacle = (rough & is_seed[regions]) | dark[regions]
+    finished('decision')
+    mask = close_then_open(
+        np.where(obstacle, OBSTACLE, FREE).astype(np.uint8),
+        config.morphology_size,
+        config.morphology_iterations,
+    )
+    finished('morphology')
+    return Detection(
+        camera=camera,
+        config=config,
+        ground=ground,
+        products={
+            'grey': grey,
+            'disparity': disparity,
+            'regions': regions,
+            'seeds': lambda: is_seed[regions],
+            'roughness': roughness,
+            'step': step,
+            'height': lambda: elevation_m + np.float32(ground.height_m),
+            'known': lambda: has_point | ~is_seed[regions],
+            'mask': mask,
+        },
+    )
+
+
+def exceeds_terrain_limits(
+    roughness: NDArray[np.float32],
+    step: NDArray[np.float32],
+    disparity: NDArray[np.float32],
+    elevation_m: NDArray[np.float32],
+    config: DetectorConfig,
+) -> NDArray[np.bool_]:
+    """Compare each window with T2 and T3, each widened by what noise alone would give.
+
+    Parameters
+    ----------
+    roughness, step : ndarray of float32, shape (height, width)
+        Metres; NaN where none.
+    disparity : ndarray of float32, shape (height, width)
+        Pixels; 0 where there is no match.
+    elevation_m : ndarray of float32, shape (height, width)
+        Relative to the left eye, metres.
+    config : DetectorConfig
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+
+    Notes
+    -----
+    A disparity off by a share s moves a point by that share along its ray, so its elevation by
+    ``|E| s`` with ``s = sigma_d / d``.
+    """
+    with np.errstate(divide='ignore', invalid='ignore'):
+        noise_m = np.abs(elevation_m) * np.float32(WINDOW_NOISE_PX) / disparity
+        max_roughness = np.hypot(config.study_max_roughness, _NOISE_ROUGHNESS * noise_m)
+        max_step = np.hypot(config.study_max_step, _NOISE_STEP * noise_m)
+        return np.asarray((roughness > max_roughness) | (step > max_step))

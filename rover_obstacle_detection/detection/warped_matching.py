@@ -1,0 +1,142 @@
+"""Matching relative to the ground plane: a narrow search where plain matching needs a wide one.
+
+On ground seen at a slant disparity runs over a hundred pixels from the bottom row to the horizon;
+relative to the ground plane it runs over the height of the rocks (Burt, Wixson and Salgian 1995).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.disparity import (
+    SUBPIXELS,
+    Penalties,
+    disparity_range,
+    plain_disparity,
+    semi_global_match,
+)
+from rover_obstacle_detection.detection.ground_plane import DisparityPlane
+
+_TAIL = 0.002
+_MARGIN_PX = 5.0
+
+
+@dataclass(frozen=True)
+class CoarseDisparity:
+    """Disparity at a fraction of the resolution, in pixels of that fraction, and its camera."""
+
+    disparity: NDArray[np.float32]
+    camera: StereoCamera
+    reduction: float
+
+
+def coarse_disparity(
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    camera: StereoCamera,
+    config: DetectorConfig,
+    penalty: Penalties,
+    reduction: int,
+) -> CoarseDisparity:
+    """Match the pair at ``1 / reduction`` of its size over the whole range of the camera."""
+    size = max(camera.width // reduction, 32), max(camera.height // reduction, 24)
+    small = camera.resized(*size)
+    count = config.disparity_range or disparity_range(camera, config.min_range)
+    count = max(16, math.ceil(count * size[0] / camera.width / 16) * 16)
+    disparity = plain_disparity(
+        np.asarray(cv2.resize(left, size, interpolation=cv2.INTER_AREA), np.uint8),
+        np.asarray(cv2.resize(right, size, interpolation=cv2.INTER_AREA), np.uint8),
+        small,
+        count,
+        config,
+        penalty,
+    )
+    return CoarseDisparity(disparity, small, camera.width / size[0])
+
+
+def residual_range(coarse: CoarseDisparity, plane: DisparityPlane) -> tuple[int, int]:
+    """Lowest residual and number of residuals (a multiple of 16) that the scene needs, pixels.
+
+    Parameters
+    ----------
+    coarse : CoarseDisparity
+    plane : DisparityPlane
+        In coarse pixels.
+    """
+    expected = np.maximum(plane.disparity(coarse.camera), 0)
+    residual = (coarse.disparity - expected)[coarse.disparity > 0]
+    if not residual.size:
+        return -8, 16
+    low, high = np.quantile(residual, (_TAIL, 1 - _TAIL)) * coarse.reduction
+    lowest = math.floor(min(low, 0.0) - _MARGIN_PX)
+    count = math.ceil((max(high, 0.0) + _MARGIN_PX - lowest) / 16) * 16
+    return lowest, max(count, 16)
+
+
+def warped_disparity(
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    camera: StereoCamera,
+    expected: NDArray[np.float32],
+    search: tuple[int, int],
+    config: DetectorConfig,
+    penalty: Penalties,
+) -> NDArray[np.float32]:
+    """Match the left image with the right one warped by the expected disparity.
+
+    Parameters
+    ----------
+    left, right : ndarray of uint8, shape (height, width)
+    camera : StereoCamera
+    expected : ndarray of float32, shape (height, width)
+        Disparity of the ground plane, the camera's offset taken off, not below 0.
+    search : tuple of int
+        Lowest residual and how many, pixels.
+    config : DetectorConfig
+    penalty : Penalties
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width)
+        Disparity, pixels, the camera's offset taken off; 0 where there is no match or the match
+        would lie outside the right image.
+    """
+    lowest, count = search
+    highest = lowest + count - 1
+    before, after = max(highest, 0), max(-lowest, 0)
+    wide_left = cv2.copyMakeBorder(left, 0, 0, before, after, cv2.BORDER_REPLICATE)
+    columns = np.arange(-before, camera.width + after, dtype=np.float32)
+    # The border continues the plane; what it shows is the right image where there is one.
+    wide_expected = cv2.copyMakeBorder(expected, 0, 0, before, after, cv2.BORDER_REPLICATE)
+    source_columns = columns[np.newaxis] - wide_expected - np.float32(camera.disparity_offset)
+    source_rows = np.broadcast_to(
+        np.arange(camera.height, dtype=np.float32)[:, np.newaxis], source_columns.shape
+    )
+    wide_right = cv2.remap(
+        right,
+        source_columns,
+        np.ascontiguousarray(source_rows),
+        cv2.INTER_CUBIC,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    fixed = semi_global_match(
+        np.asarray(wide_left, np.uint8), np.asarray(wide_right, np.uint8),
+        lowest, count, config, penalty,
+    )[:, before : before + camera.width]  # fmt: skip
+    disparity = fixed.astype(np.float32)
+    disparity *= np.float32(1 / SUBPIXELS)
+    disparity += expected
+    seen_right = np.arange(camera.width, dtype=np.float32)[np.newaxis] - disparity
+    seen_right -= np.float32(camera.disparity_offset)
+    disparity[
+        (fixed < lowest * SUBPIXELS) | (disparity <= 0) | (seen_right < 0)
+        | (seen_right > camera.width - 1)
+    ] = 0  # fmt: skip
+    return disparity
