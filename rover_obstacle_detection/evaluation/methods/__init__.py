@@ -1,0 +1,1 @@
+"""Detectors to compare: one call, a camera and two images in, a mask out."""

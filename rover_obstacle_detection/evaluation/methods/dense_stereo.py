@@ -1,0 +1,111 @@
+"""Plain dense stereo, the input of the methods that look at geometry alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.disparity import Penalties, plain_disparity
+from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.ground_plane import fit_ground_plane
+from rover_obstacle_detection.detection.image import grey_pair
+from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX
+from rover_obstacle_detection.detection.reprojection import reproject
+
+PENALTIES = Penalties(300, 1200)
+COARSE = 4
+
+
+@dataclass(frozen=True, eq=False)
+class DenseScene:
+    """A pair matched pixel by pixel, and the plane of its ground.
+
+    Parameters
+    ----------
+    disparity : ndarray of float32, shape (height, width)
+        Pixels; 0 where there is no match.
+    points : ndarray of float32, shape (height, width, 3)
+        Left optical frame, metres; NaN where there is no match.
+    plane : GroundPlane or None
+        None where too little was matched to tell.
+    """
+
+    disparity: NDArray[np.float32]
+    points: NDArray[np.float32]
+    plane: GroundPlane | None
+
+    def within(self, config: DetectorConfig) -> NDArray[np.bool_]:
+        """Pixels with a point in the range that is judged."""
+        depth_m = self.points[..., 2]
+        return (depth_m >= config.min_range) & (depth_m <= config.max_range)
+
+    def level_points(self, where: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Points of some pixels in a level frame below the camera: z upward from its centre.
+
+        Returns
+        -------
+        ndarray of float32, shape (n, 3)
+            x forward, y left, z up, metres, the left eye at the origin.
+        """
+        assert self.plane is not None
+        up = np.asarray(self.plane.normal, np.float32)
+        forward = np.asarray((0, 0, 1), np.float32) - up[2] * up
+        forward /= np.linalg.norm(forward)
+        axes = np.stack((forward, np.cross(up, forward), up))
+        return np.asarray(self.points[where] @ axes.T, np.float32)
+
+
+def match_densely(
+    camera: StereoCamera, left: NDArray[Any], right: NDArray[Any], config: DetectorConfig
+) -> DenseScene:
+    """Match a pair with SGBM over the disparities that it holds, and fit the ground plane."""
+    grey_left, grey_right = grey_pair(left, right, camera)
+    count = _disparities_in_view(grey_left, grey_right, camera, config)
+    disparity = plain_disparity(grey_left, grey_right, camera, count, config, PENALTIES)
+    plane = fit_plane(disparity, camera, config)
+    return DenseScene(disparity, reproject(disparity, camera), plane)
+
+
+def fit_plane(
+    disparity: NDArray[np.float32], camera: StereoCamera, config: DetectorConfig
+) -> GroundPlane | None:
+    """Fit the plane of the ground robustly; half the clearance still counts as ground."""
+    plane = fit_ground_plane(
+        disparity,
+        camera,
+        tolerance_m=config.max_step / 2,
+        noise_px=DISPARITY_NOISE_PX,
+        min_disparity=camera.disparity_at(config.max_range),
+    )
+    return None if plane is None else plane.in_space(camera, None)
+
+
+def height_above(plane: GroundPlane, points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Distance of points above a plane, metres."""
+    return points @ np.asarray(plane.normal, np.float32) + np.float32(plane.height_m)
+
+
+def _disparities_in_view(
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    camera: StereoCamera,
+    config: DetectorConfig,
+) -> int:
+    size = (camera.width // COARSE, camera.height // COARSE)
+    small_left, small_right = (
+        np.asarray(cv2.resize(eye, size, interpolation=cv2.INTER_AREA), np.uint8)
+        for eye in (left, right)
+    )
+    small = camera.resized(*size)
+    count = max(16, round(small.width * 0.4) // 16 * 16)
+    coarse = plain_disparity(small_left, small_right, small, count, config, PENALTIES)
+    matched = coarse[coarse > 0]
+    # The left border is blind over the whole coarse range: the margin is for what it hides.
+    largest = float(np.percentile(matched, 99.9)) * COARSE * 1.15 + 4 if matched.size else 48.0
+    return max(16, min(-(-int(largest) // 16), camera.width // 32) * 16)

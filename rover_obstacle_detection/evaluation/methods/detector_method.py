@@ -1,0 +1,40 @@
+"""The package's own detector as a method to compare."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.evaluation.methods.method import Mask
+
+
+class DetectorMethod:
+    """`Detector`, made anew when the camera changes.
+
+    Parameters
+    ----------
+    method : str
+        ``hybrid`` or ``study``.
+    config : DetectorConfig
+        Everything else.
+    """
+
+    def __init__(self, method: str, config: DetectorConfig) -> None:
+        self._config = replace(config, method=method)
+        self._detector: Detector | None = None
+
+    def detect(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Detection:
+        """Find obstacles, with every step on the way."""
+        if self._detector is None or self._detector.camera != camera:
+            self._detector = Detector(camera, self._config)
+        return self._detector.detect(left, right)
+
+    def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:
+        """Find obstacles; see `Method`."""
+        return self.detect(camera, left, right).mask

@@ -1,0 +1,77 @@
+"""2D only: Canny edges around k-means regions (the study's references 3 and 4)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.image import grey_pair
+from rover_obstacle_detection.detection.morphology import close_then_open
+from rover_obstacle_detection.evaluation.methods.method import Mask, as_mask
+
+CLUSTERS = 4
+SAMPLES = 20000
+MIN_REGION_SHARE = 0.00013
+MAX_REGION_SHARE = 0.1
+MIN_EDGE_SHARE = 0.5
+
+
+class ImageOnly:
+    """Flags regions that differ in grey level from the ground and have an edge around them.
+
+    The grey levels fall into clusters by k-means; the one with the most pixels is the ground.
+    A connected region of another cluster is an obstacle when Canny edges run along at least half
+    of its outline and it is neither speck nor landscape (100 pixels to a tenth of 1024 x 768).
+    """
+
+    def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:
+        """Find obstacles in the left image; see `Method`."""
+        grey, _ = grey_pair(left, right, camera)
+        smooth = np.asarray(cv2.bilateralFilter(grey, 7, 30, 5), np.uint8)
+        clusters = cluster_levels(smooth)
+        ground = int(np.argmax(np.bincount(clusters.ravel())))
+        edges = edge_zone(smooth)
+        flagged = np.zeros(camera.shape, bool)
+        for cluster in range(CLUSTERS):
+            if cluster != ground:
+                flagged |= edged_regions(clusters == cluster, edges)
+        return close_then_open(as_mask(flagged), 7, 1)
+
+
+def cluster_levels(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Give each pixel the number of its k-means cluster of grey levels."""
+    generator = np.random.default_rng(0)
+    sample = generator.choice(grey.ravel(), min(SAMPLES, grey.size)).astype(np.float32)
+    quantiles = np.quantile(sample, (np.arange(CLUSTERS) + 0.5) / CLUSTERS)
+    start = np.abs(sample[:, np.newaxis] - quantiles).argmin(axis=1).astype(np.int32)
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 0.1)
+    _, _, centres = cv2.kmeans(sample, CLUSTERS, start, criteria, 1, cv2.KMEANS_USE_INITIAL_LABELS)
+    levels = np.arange(256, dtype=np.float32)
+    nearest = np.abs(levels[:, np.newaxis] - centres.ravel()).argmin(axis=1).astype(np.uint8)
+    return nearest[grey]
+
+
+def edge_zone(grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Find pixels within two of a Canny edge, its thresholds from Otsu's."""
+    high, _ = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    edges = cv2.Canny(grey, high / 2, high)
+    return np.asarray(cv2.dilate(edges, np.ones((5, 5), np.uint8)) != 0)
+
+
+def edged_regions(area: NDArray[np.bool_], edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Keep the connected parts of middle size whose outline lies on edges."""
+    binary = area.astype(np.uint8)
+    count, numbers, boxes, _ = cv2.connectedComponentsWithStats(binary, connectivity=4)
+    inner = cv2.erode(binary, np.ones((3, 3), np.uint8), borderValue=0) != 0
+    outline = numbers * (area & ~inner)
+    length = np.bincount(outline.ravel(), minlength=count)
+    edged = np.bincount(outline[edges], minlength=count)
+    share = boxes[:, cv2.CC_STAT_AREA] / area.size
+    keep = (share >= MIN_REGION_SHARE) & (share <= MAX_REGION_SHARE)
+    keep &= edged >= MIN_EDGE_SHARE * np.maximum(length, 1)
+    keep[0] = False
+    return np.asarray(keep[numbers])

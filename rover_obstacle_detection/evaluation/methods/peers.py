@@ -1,0 +1,129 @@
+"""Ground filters made for lidar, fed with the stereo cloud."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.errors import MissingExtraError
+from rover_obstacle_detection.evaluation.methods.dense_stereo import match_densely
+from rover_obstacle_detection.evaluation.methods.method import Mask
+
+GROUND_SHARE_OF_STEP = 0.7
+PATCHWORK_MIN_RANGE_M = 0.1
+PATCHWORK_RANGE_FACTOR = 2.0
+CLOTH_CELL_M = 0.1
+CLOTH_ITERATIONS = 500
+CLOTH_RIGIDNESS = 1
+
+
+class GroundFilter:
+    """A filter that tells ground from the rest of a level cloud, turned into a method.
+
+    What lies within 0.7 of ``max_step`` of a filter's ground belongs to it: on sample scenes that
+    does better than the whole, as the foot of a rock is lower than its top.
+    """
+
+    def __init__(self, config: DetectorConfig) -> None:
+        self._config = config
+
+    def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:
+        """Find obstacles; see `Method`."""
+        scene = match_densely(camera, left, right, self._config)
+        mask = np.zeros(camera.shape, np.uint8)
+        where = scene.within(self._config)
+        if scene.plane is None or not where.any():
+            return mask
+        cloud = scene.level_points(where)
+        mask[where] = 255 * self._is_off_ground(cloud, scene.plane.height_m).astype(np.uint8)
+        return mask
+
+    def _is_off_ground(self, cloud: NDArray[np.float32], height_m: float) -> NDArray[np.bool_]:
+        raise NotImplementedError
+
+
+class Patchwork(GroundFilter):
+    """Patchwork++ (Lee, Lim, Myung 2022), its zones scaled to twice the rover's range.
+
+    Reflected-noise removal needs a lidar's intensity and is off.
+    """
+
+    def __init__(self, config: DetectorConfig) -> None:
+        super().__init__(config)
+        try:
+            import pypatchworkpp
+        except ImportError as error:
+            raise MissingExtraError(_missing('patchwork', 'pypatchworkpp')) from error
+        self._library = pypatchworkpp
+
+    def _is_off_ground(self, cloud: NDArray[np.float32], height_m: float) -> NDArray[np.bool_]:
+        parameters = self._library.Parameters()
+        parameters.sensor_height = height_m
+        parameters.min_range = PATCHWORK_MIN_RANGE_M
+        parameters.max_range = PATCHWORK_RANGE_FACTOR * self._config.max_range
+        parameters.th_dist = GROUND_SHARE_OF_STEP * self._config.max_step
+        parameters.enable_RNR = False
+        parameters.verbose = False
+        with _silent_stdout():
+            filter_ = self._library.patchworkpp(parameters)
+            filter_.estimateGround(np.ascontiguousarray(cloud))
+        off_ground = np.zeros(len(cloud), bool)
+        off_ground[np.asarray(filter_.getNongroundIndices(), np.intp)] = True
+        return off_ground
+
+
+class Cloth(GroundFilter):
+    """Cloth simulation filter (Zhang et al. 2016)."""
+
+    def __init__(self, config: DetectorConfig) -> None:
+        super().__init__(config)
+        try:
+            import CSF
+        except ImportError as error:
+            raise MissingExtraError(_missing('cloth', 'cloth-simulation-filter')) from error
+        self._library = CSF
+
+    def _is_off_ground(self, cloud: NDArray[np.float32], height_m: float) -> NDArray[np.bool_]:
+        ground, off = self._library.VecInt(), self._library.VecInt()
+        with _silent_stdout():
+            cloth = self._library.CSF()
+            cloth.params.bSloopSmooth = False
+            cloth.params.cloth_resolution = CLOTH_CELL_M
+            cloth.params.rigidness = CLOTH_RIGIDNESS
+            cloth.params.interations = CLOTH_ITERATIONS
+            cloth.params.class_threshold = GROUND_SHARE_OF_STEP * self._config.max_step
+            cloth.setPointCloud(cloud.astype(np.float64))
+            cloth.do_filtering(ground, off, False)
+        off_ground = np.zeros(len(cloud), bool)
+        off_ground[np.asarray(off, np.intp)] = True
+        return off_ground
+
+
+def _missing(method: str, library: str) -> str:
+    return (
+        f'method {method} needs {library}, which is not installed: '
+        "pip install 'rover_obstacle_detection[peers]'"
+    )
+
+
+@contextlib.contextmanager
+def _silent_stdout() -> Iterator[None]:
+    # Both libraries print from C++, past sys.stdout.
+    sys.stdout.flush()
+    saved = os.dup(1)
+    with Path(os.devnull).open('w') as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        try:
+            yield
+        finally:
+            os.dup2(saved, 1)
+            os.close(saved)
