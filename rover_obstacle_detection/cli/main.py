@@ -13,12 +13,14 @@ from collections.abc import Iterator, Sequence
 from types import FrameType
 
 from rover_obstacle_detection import __version__
+from rover_obstacle_detection.cli.console import report_error
 from rover_obstacle_detection.errors import ObstacleDetectionError
 
 COMMAND_MODULES = (
     'rover_obstacle_detection.cli.replay_command',
     'rover_obstacle_detection.cli.detect_command',
 )
+FAILED = 1
 INTERRUPTED = 130
 TERMINATED = 143
 
@@ -60,26 +62,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     SystemExit
         With status 2 on a wrong call, 0 after ``--help`` and ``--version``, 143 on SIGTERM.
     """
-    arguments = make_parser().parse_args(argv)
+    parser = make_parser()
+    arguments = parser.parse_args(argv)
     try:
         with _termination_unwinds():
             return int(arguments.run(arguments))
+    except argparse.ArgumentTypeError as error:
+        # Arguments that are each right by themselves, but not together.
+        parser.error(str(error))
     except ObstacleDetectionError as error:
-        return _fail(str(error))
+        report_error(str(error))
+        return FAILED
     except BrokenPipeError:
         # Whoever read the table has gone; what was asked for is on the disk.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return _fail(str(error))
+        report_error(str(error))
+        return FAILED
     except KeyboardInterrupt:
         print('rover-obstacles: interrupted', file=sys.stderr)
         return INTERRUPTED
-
-
-def _fail(message: str) -> int:
-    print(f'rover-obstacles: error: {" ".join(message.split())}', file=sys.stderr)
-    return 1
 
 
 @contextlib.contextmanager

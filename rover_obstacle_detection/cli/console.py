@@ -1,0 +1,48 @@
+"""What the subcommands say on stderr: errors in one line, and a progress bar."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator, Sequence
+
+OnTaskProgress = Callable[[int, int, int], None]
+"""Called with the task's index, the steps done and the steps expected."""
+
+
+def report_error(message: str) -> None:
+    """Say what was wrong in one line."""
+    print(f'rover-obstacles: error: {" ".join(message.split())}', file=sys.stderr)
+
+
+@contextlib.contextmanager
+def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
+    """Show a bar for each task on stderr; nothing where that is not a terminal."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(stderr=True)
+    progress = Progress(
+        TextColumn('{task.description}', markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn(unit),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+    )
+    with progress:
+        identifiers = [progress.add_task(task, total=None) for task in tasks]
+
+        def update(index: int, done: int, expected: int) -> None:
+            progress.update(identifiers[index], completed=done, total=expected)
+
+        yield update

@@ -1,0 +1,166 @@
+"""``rover-obstacles replay``: recorded bags in, obstacles out."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rover_obstacle_detection.cli.arguments import (
+    add_calibration_arguments,
+    add_detector_arguments,
+    detector_config,
+    positive_int,
+    positive_seconds,
+    seconds,
+)
+from rover_obstacle_detection.cli.console import progress_bars, report_error
+
+if TYPE_CHECKING:
+    from rover_obstacle_detection.replay import ReplayOptions
+
+DESCRIPTION = """\
+Run the detector over recorded bags (rosbag2 in mcap or sqlite3, rosbag1).
+
+Writes into DIR (with several bags into DIR/<name of the bag>):
+  detections     a rosbag2 bag (mcap): obstacle_mask, obstacle_points, ground_points in the
+                 camera's namespace, with the left images' stamps and frames
+  summary.json   counts, parameters, versions, and each frame's figures and times
+  images         with --images, per frame: the overlay, and disparity, regions, seed regions,
+                 rough-step map and obstacle map
+"""
+EPILOG = """\
+examples:
+  rover-obstacles replay traverse.mcap --output traverse_detections --images
+  rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
+  rover-obstacles replay bag/ -o out --left /cam0/image_raw --right /cam1/image_raw \\
+      --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
+  rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
+"""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        'replay',
+        help='run the detector over recorded bags',
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        'bags',
+        nargs='+',
+        metavar='BAG',
+        type=Path,
+        help='rosbag2 folder or file (.mcap, .db3), or rosbag1 file (.bag)',
+    )
+    _add_input_arguments(parser)
+    add_detector_arguments(parser)
+    output = parser.add_argument_group('output')
+    output.add_argument(
+        '-o', '--output', metavar='DIR', type=Path, required=True, help='folder for the results'
+    )
+    output.add_argument('--images', action='store_true', help='write pictures of every frame')
+    output.add_argument(
+        '--force',
+        action='store_true',
+        help='write into a folder that exists: files of an earlier run are replaced, all others '
+        'are left as they are',
+    )
+    output.add_argument(
+        '--workers',
+        metavar='N',
+        type=positive_int,
+        default=1,
+        help='processes to share several bags out among (default: 1)',
+    )
+    parser.set_defaults(run=run)
+
+
+def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group('input')
+    for side in ('left', 'right'):
+        group.add_argument(
+            f'--{side}',
+            metavar='TOPIC',
+            help=f'{side} image topic (default: found by its name)',
+        )
+    add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
+    group.add_argument(
+        '--approximate-sync',
+        metavar='SECONDS',
+        type=positive_seconds,
+        help='pair images whose stamps differ by up to this (default: equal stamps only)',
+    )
+    group.add_argument(
+        '--start', metavar='SECONDS', type=seconds, default=0.0, help='skip the beginning'
+    )
+    group.add_argument(
+        '--duration', metavar='SECONDS', type=positive_seconds, help='stop after this much'
+    )
+    group.add_argument(
+        '--every', metavar='N', type=positive_int, default=1, help='take every N-th pair only'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay the bags, and print the table."""
+    from rich.console import Console
+
+    from rover_obstacle_detection.output_folder import check_output
+    from rover_obstacle_detection.replay_jobs import plan_jobs, replay_jobs
+    from rover_obstacle_detection.summary import ReplaySummary
+    from rover_obstacle_detection.summary_table import replay_table
+
+    options = _options(arguments)
+    check_output(arguments.output, force=arguments.force)
+    jobs = plan_jobs(arguments.bags, arguments.output)
+    summaries: dict[int, ReplaySummary] = {}
+    with progress_bars([job.output.name for job in jobs], 'pairs') as on_progress:
+        results = replay_jobs(jobs, options, arguments.workers, on_progress)
+        with contextlib.closing(results):
+            for index, result in results:
+                if isinstance(result, ReplaySummary):
+                    summaries[index] = result
+                else:
+                    report_error(str(result))
+    if summaries:
+        console = Console(highlight=False)
+        console.print(replay_table([summaries[index] for index in sorted(summaries)]))
+        for index in sorted(summaries):
+            _print_places(jobs[index].output, arguments.images)
+    return 0 if len(summaries) == len(jobs) else 1
+
+
+def _options(arguments: argparse.Namespace) -> ReplayOptions:
+    from rover_obstacle_detection.replay import ReplayOptions, check_offline
+
+    calibration = (arguments.left_info, arguments.right_info)
+    if any(calibration) and not all(calibration):
+        given, missing = ('left', 'right') if arguments.left_info else ('right', 'left')
+        msg = f'--{given}-info is given without --{missing}-info: expected both or none'
+        raise argparse.ArgumentTypeError(msg)
+    config = detector_config(arguments)
+    check_offline(config)
+    tolerance_s = arguments.approximate_sync
+    return ReplayOptions(
+        config=config,
+        left_topic=arguments.left,
+        right_topic=arguments.right,
+        calibration=calibration if all(calibration) else None,
+        tolerance_ns=None if tolerance_s is None else round(1e9 * tolerance_s),
+        start_s=arguments.start,
+        duration_s=arguments.duration,
+        every=arguments.every,
+        images=arguments.images,
+        force=arguments.force,
+    )
+
+
+def _print_places(output: Path, images: bool) -> None:
+    print(f'detections: {output / "detections"}')
+    print(f'summary: {output / "summary.json"}')
+    if images:
+        print(f'images: {output / "images"}')

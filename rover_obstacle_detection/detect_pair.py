@@ -1,0 +1,109 @@
+"""The detector over one pair of image files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.errors import ImageError
+from rover_obstacle_detection.messages.calibration import load_stereo_camera
+from rover_obstacle_detection.messages.image import decode_compressed_image
+from rover_obstacle_detection.output_folder import output_folder
+from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures, write_png
+from rover_obstacle_detection.ply import write_ply
+from rover_obstacle_detection.replay import check_offline
+from rover_obstacle_detection.stopwatch import Stopwatch
+from rover_obstacle_detection.summary import FrameSummary, obstacle_json, preamble, write_json
+
+OWN_FILES = (
+    'mask.png',
+    'points.ply',
+    'summary.json',
+    *(f'{name}.png' for name in PICTURE_NAMES),
+)
+
+
+def detect_pair(
+    left: Path,
+    right: Path,
+    calibration: tuple[Path, Path],
+    config: DetectorConfig,
+    output: Path,
+    *,
+    force: bool = False,
+) -> Detection:
+    """Detect obstacles in two image files and write what was seen.
+
+    `output` appears whole or not at all: ``mask.png`` (0 free, 255 obstacle), ``points.ply``,
+    ``summary.json``, the overlay and the study's pictures.
+
+    Parameters
+    ----------
+    left, right : Path
+        Rectified images, grey or colour.
+    calibration : tuple of Path
+        Calibration files of the left and the right camera.
+    config : DetectorConfig
+    output : Path
+    force : bool
+        Replace the files of an earlier run.
+
+    Raises
+    ------
+    ObstacleDetectionError
+        If a file cannot be read, or does not fit the others.
+    """
+    check_offline(config)
+    camera = load_stereo_camera(*calibration)
+    left_image, right_image = read_image(left), read_image(right)
+    stopwatch = Stopwatch()
+    try:
+        detection = Detector(camera, config).detect(
+            left_image, right_image, on_stage=stopwatch.lap
+        )
+    except ImageError as error:
+        msg = f'{left}, {right}: {error}'
+        raise ImageError(msg) from error
+    stage_ms = stopwatch.take_ms()
+    with output_folder(output, force=force, replaces=OWN_FILES) as folder:
+        write_png(folder / 'mask.png', detection.mask)
+        write_ply(folder / 'points.ply', detection.obstacle_points, detection.ground_points)
+        write_pictures(detection, left_image, folder)
+        write_json(
+            folder / 'summary.json',
+            {
+                **preamble('detect', config),
+                'images': {'left': str(left), 'right': str(right)},
+                'camera': asdict(camera),
+                **FrameSummary.of(detection).as_json(),
+                'obstacle_list': [obstacle_json(each) for each in detection.obstacles],
+                'stage_ms': stage_ms,
+            },
+        )
+    return detection
+
+
+def read_image(path: Path) -> NDArray[Any]:
+    """Read an image file as the detector takes it: grey or BGR.
+
+    Raises
+    ------
+    ImageError
+        If the file cannot be read, or is not a whole image.
+    """
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        msg = f'{path}: cannot be read: {error.strerror}'
+        raise ImageError(msg) from error
+    return decode_compressed_image(
+        SimpleNamespace(format=path.suffix.lstrip('.'), data=data), str(path)
+    )

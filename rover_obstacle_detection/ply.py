@@ -1,0 +1,66 @@
+"""Point clouds as PLY files, which every mesh viewer opens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+_VERTEX = np.dtype(
+    [
+        ('x', '<f4'),
+        ('y', '<f4'),
+        ('z', '<f4'),
+        ('height', '<f4'),
+        ('red', 'u1'),
+        ('green', 'u1'),
+        ('blue', 'u1'),
+        ('obstacle', 'u1'),
+    ]
+)
+_PLY_TYPES = {'<f4': 'float', '|u1': 'uchar'}
+_OBSTACLE_COLOUR = (225, 40, 40)
+_GROUND_COLOUR = (170, 160, 145)
+
+
+def write_ply(
+    path: Path, obstacle_points: NDArray[np.float32], ground_points: NDArray[np.float32]
+) -> None:
+    """Write both clouds into one binary little-endian PLY file, coloured, obstacles first.
+
+    Parameters
+    ----------
+    path : Path
+    obstacle_points, ground_points : ndarray of float32, shape (n, 4)
+        x, y, z in the left optical frame and height above the local ground, metres.
+    """
+    clouds = (
+        (obstacle_points, _OBSTACLE_COLOUR, 1),
+        (ground_points, _GROUND_COLOUR, 0),
+    )
+    vertices = np.concatenate([_vertices(*cloud) for cloud in clouds])
+    properties = ''.join(
+        f'property {_PLY_TYPES[_VERTEX[name].str]} {name}\n' for name in _VERTEX.names or ()
+    )
+    header = (
+        'ply\n'
+        'format binary_little_endian 1.0\n'
+        'comment left optical frame: x right, y down, z forward; metres\n'
+        f'element vertex {len(vertices)}\n'
+        f'{properties}'
+        'end_header\n'
+    )
+    path.write_bytes(header.encode('ascii') + vertices.tobytes())
+
+
+def _vertices(
+    points: NDArray[np.float32], colour: tuple[int, int, int], obstacle: int
+) -> NDArray[np.void]:
+    vertices = np.zeros(len(points), _VERTEX)
+    for index, name in enumerate(('x', 'y', 'z', 'height')):
+        vertices[name] = points[:, index]
+    for name, value in zip(('red', 'green', 'blue'), colour, strict=True):
+        vertices[name] = value
+    vertices['obstacle'] = obstacle
+    return vertices

@@ -1,0 +1,240 @@
+"""The detector over one recording: pairs in, a bag of detections, pictures and a summary out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rover_obstacle_detection.bags.reader import BagReader, open_bag
+from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs, read_pairs
+from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
+from rover_obstacle_detection.bags.writer import BagWriter
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.errors import BagError, ConfigurationError, ImageError
+from rover_obstacle_detection.messages.calibration import load_stereo_camera
+from rover_obstacle_detection.messages.outputs import OUTPUTS
+from rover_obstacle_detection.output_folder import output_folder
+from rover_obstacle_detection.pairing import PairingStatistics
+from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures
+from rover_obstacle_detection.stopwatch import Stopwatch
+from rover_obstacle_detection.summary import (
+    FrameSummary,
+    ReplayFrame,
+    ReplaySummary,
+    write_json,
+)
+
+OnProgress = Callable[[int, int], None]
+"""Called with the pairs done and the pairs expected."""
+
+WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points')
+OFFLINE_GRAVITY_SOURCES = ('estimate', 'parameters')
+OWN_FILES = (
+    'summary.json',
+    'detections/metadata.yaml',
+    'detections/*.mcap',
+    *(f'images/[0-9]*_{name}.png' for name in PICTURE_NAMES),
+)
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """What to replay of a recording, how, and what to write.
+
+    Parameters
+    ----------
+    config : DetectorConfig
+    left_topic, right_topic : str, optional
+        Image topics; found by their names if not given.
+    calibration : tuple of Path, optional
+        Calibration files of the left and the right camera; from the bag if not given.
+    tolerance_ns : int, optional
+        Largest difference of the stamps of a pair; equal stamps if not given.
+    start_s, duration_s : float
+        The part of the recording, from its start.
+    every : int
+        Take every n-th pair.
+    images : bool
+        Write the pictures of each pair.
+    force : bool
+        Replace the files of an earlier run.
+    """
+
+    config: DetectorConfig
+    left_topic: str | None = None
+    right_topic: str | None = None
+    calibration: tuple[Path, Path] | None = None
+    tolerance_ns: int | None = None
+    start_s: float = 0.0
+    duration_s: float | None = None
+    every: int = 1
+    images: bool = False
+    force: bool = False
+
+
+def replay_bag(
+    path: Path, output: Path, options: ReplayOptions, on_progress: OnProgress
+) -> ReplaySummary:
+    """Run the detector over a recording and write what it saw.
+
+    `output` appears whole or not at all: ``detections`` (rosbag2, mcap), ``summary.json`` and, if
+    asked for, ``images``.
+
+    Raises
+    ------
+    ObstacleDetectionError
+        If the recording cannot be read, lacks something, or not one of its pairs can be used.
+    """
+    check_offline(options.config)
+    with open_bag(path) as bag:
+        topics = find_stereo_topics(
+            bag.topics, left_image=options.left_topic, right_image=options.right_topic
+        )
+        camera = load_stereo_camera(*options.calibration) if options.calibration else None
+        pairs = read_pairs(
+            bag,
+            topics,
+            camera=camera,
+            tolerance_ns=options.tolerance_ns,
+            start_s=options.start_s,
+            duration_s=options.duration_s,
+            every=options.every,
+        )
+        with output_folder(output, force=options.force, replaces=OWN_FILES) as folder:
+            run = _Run(topics, folder, options)
+            with BagWriter(folder / 'detections') as writer:
+                expected = _expected_pairs(bag, topics, options)
+                for done, pair in enumerate(run.timed(pairs), start=1):
+                    run.process(pair, writer)
+                    on_progress(done, max(done, expected))
+                summary = run.summary(path, pairs)
+            write_json(folder / 'summary.json', summary.as_json())
+    return summary
+
+
+def check_offline(config: DetectorConfig) -> None:
+    """Refuse a configuration that only a live node can follow.
+
+    Raises
+    ------
+    ConfigurationError
+        If the vertical is to come from an IMU or from TF.
+    """
+    if config.gravity_source not in OFFLINE_GRAVITY_SOURCES:
+        msg = (
+            f'gravity_source is {config.gravity_source!r}, which the live node has: expected '
+            f'{" or ".join(OFFLINE_GRAVITY_SOURCES)} offline'
+        )
+        raise ConfigurationError(msg)
+
+
+class _Run:
+    """The state of one replay: the detector, and what it has come to so far."""
+
+    def __init__(self, topics: StereoTopics, folder: Path, options: ReplayOptions) -> None:
+        self._topics = topics
+        self._folder = folder
+        self._options = options
+        self._stopwatch = Stopwatch()
+        self._detector: Detector | None = None
+        self._cameras: list[StereoCamera] = []
+        self._frames: list[ReplayFrame] = []
+        self._bad_frames: list[BadFrame] = []
+
+    def timed(self, pairs: StereoPairs) -> Iterator[StereoPair | BadFrame]:
+        """Pass the pairs on, each with its reading as the first lap."""
+        self._stopwatch.take_ms()
+        for pair in pairs:
+            self._stopwatch.lap('read')
+            yield pair
+            self._stopwatch.take_ms()
+
+    def process(self, pair: StereoPair | BadFrame, writer: BagWriter) -> None:
+        """Detect in one pair, and write the result."""
+        if isinstance(pair, BadFrame):
+            self._bad_frames.append(pair)
+            return
+        lap = self._stopwatch.lap
+        try:
+            detection = self._detector_of(pair.camera).detect(pair.left, pair.right, on_stage=lap)
+        except ImageError as error:
+            self._bad_frames.append(BadFrame(pair.stamp_ns, self._topics.left_image, str(error)))
+            return
+        for name in WRITTEN_OUTPUTS:
+            output = OUTPUTS[name]
+            message = output.encode(detection, pair.left_header, writer.factory)
+            topic = f'{self._topics.namespace}/{name}'
+            writer.add(topic, output.type_name, message, pair.stamp_ns)
+        summary = FrameSummary.of(detection)
+        lap('write bag')
+        number = len(self._frames) + 1
+        if self._options.images:
+            write_pictures(detection, pair.left, self._folder / 'images', f'{number:06d}_')
+            lap('write images')
+        taken_ms = self._stopwatch.take_ms()
+        self._frames.append(ReplayFrame(number, pair.stamp_ns, summary, taken_ms))
+
+    def summary(self, path: Path, pairs: StereoPairs) -> ReplaySummary:
+        """Sum up; not one usable pair is an error."""
+        statistics = pairs.statistics
+        if not self._frames:
+            raise BagError(_nothing_usable(path, self._topics, statistics, self._bad_frames))
+        return ReplaySummary(
+            bag=str(path),
+            topics=self._topics,
+            cameras=tuple(self._cameras),
+            config=self._options.config,
+            statistics=statistics,
+            frames=tuple(self._frames),
+            bad_frames=tuple(self._bad_frames),
+        )
+
+    def _detector_of(self, camera: StereoCamera) -> Detector:
+        if self._detector is None or self._detector.camera != camera:
+            self._detector = Detector(camera, self._options.config)
+            if camera not in self._cameras:
+                self._cameras.append(camera)
+        return self._detector
+
+
+def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions) -> int:
+    """Guess the number of pairs from the counts of messages, for the progress bar."""
+    images = min(bag.message_count(topics.left_image), bag.message_count(topics.right_image))
+    length_s = max((bag.end_ns - bag.start_ns) / 1e9, 1e-9)
+    wanted_s = max(length_s - options.start_s, 0.0)
+    if options.duration_s is not None:
+        wanted_s = min(wanted_s, options.duration_s)
+    return math.ceil(images * wanted_s / length_s / options.every)
+
+
+def _nothing_usable(
+    path: Path,
+    topics: StereoTopics,
+    statistics: PairingStatistics,
+    bad_frames: Sequence[BadFrame],
+) -> str:
+    counts = (
+        f'{statistics.left} left images ({topics.left_image}), '
+        f'{statistics.right} right ({topics.right_image}), {statistics.pairs} pairs'
+    )
+    if bad_frames:
+        first = bad_frames[0]
+        return f'{path}: no pair can be used: {counts}, {len(bad_frames)} bad: {first.reason}'
+    gap_ns = statistics.smallest_gap_ns
+    if gap_ns:
+        gap_s = gap_ns / 1e9
+        return (
+            f'{path}: no pair: {counts}, smallest stamp gap {1000 * gap_s:.3f} ms; '
+            f'try --approximate-sync {_rounded_up(gap_s):g}'
+        )
+    return f'{path}: no pair: {counts} in the part asked for'
+
+
+def _rounded_up(value: float) -> float:
+    """Round up to one significant digit."""
+    unit = 10.0 ** math.floor(math.log10(value))
+    return math.ceil(value / unit * 1.000001) * unit
