@@ -70,7 +70,7 @@ class Detector:
         finished = on_stage or _unobserved
         finished('grey')
         chain = detect_as_study if self.config.method == 'study' else detect_hybrid
-        return chain(pair, self.camera, self.config, gravity, finished)
+        return chain(pair, self.camera, self.config, gravity, self.rover_mask, finished)
 
 
 def _unobserved(stage: str) -> None:

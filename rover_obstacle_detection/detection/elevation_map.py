@@ -33,6 +33,11 @@ class MapPositions:
     shape: tuple[int, int]
     cell_m: float
 
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Pixels that lie on the map."""
+        return self.row > -5
+
 
 def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Unit vectors within the plane: to the right, and forward along the optical axis."""
@@ -67,7 +72,10 @@ def map_positions(
     usable = disparity > camera.disparity_at(max_range_m)
     depth_cells = np.zeros_like(disparity)
     np.divide(
-        np.float32(camera.fx * camera.baseline_m / cell_m), disparity, out=depth_cells, where=usable
+        np.float32(camera.fx * camera.baseline_m / cell_m),
+        disparity,
+        out=depth_cells,
+        where=usable,
     )
     across = depth_cells * (
         np.float32(right[0]) * x_over_z + (np.float32(right[1]) * y_over_z + np.float32(right[2]))
@@ -102,7 +110,7 @@ def cell_means(
     weight : ndarray of float32, shape of the map
         Sum of weights; 0 in empty cells.
     """
-    inside = positions.row > -5
+    inside = weights > 0
     rows, columns = positions.shape
     cell = (positions.row[inside] + 0.5).astype(np.intp)
     cell *= columns

@@ -1,123 +1,338 @@
-"""proto"""
+"""The hybrid method: terrain above the local ground, image regions where there is no 3D."""
+
 from __future__ import annotations
-import math
+
 from collections.abc import Callable
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
+
 from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.clearance import grown_from_cores
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection
 from rover_obstacle_detection.detection.disparity import Penalties, penalties
+from rover_obstacle_detection.detection.elevation_map import (
+    Grid,
+    MapPositions,
+    cell_means,
+    map_positions,
+    sample_map,
+)
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.grey_level import dark_regions
 from rover_obstacle_detection.detection.ground_plane import DisparityPlane, estimate_ground
 from rover_obstacle_detection.detection.image import GreyPair
-from rover_obstacle_detection.detection.warped_matching import *
-from rover_obstacle_detection.detection.elevation_map import *
-from rover_obstacle_detection.detection.local_ground import local_ground, _gaussian, _regress
-from rover_obstacle_detection.detection.clearance import grown_from_cores
-from rover_obstacle_detection.detection.noise import *
-
-PENALTIES = Penalties(300, 1200)
-import os
-P = dict(cell=0.04, opening=0.8, trend=0.4, smooth=0.16, tol=0.05, core=0.95, foot=0.02, footk=2.0, corek=0.0, mincore=5, med=1, slope_sigma=0.1, drop=1, slope=1, reg=2, sp=15, sr=20, minreg=50, gf=1, gfr=8, gfe=20)
-for kv in os.environ.get('HP','').split(','):
-    if kv: P[kv.split('=')[0]] = float(kv.split('=')[1])
-
+from rover_obstacle_detection.detection.local_ground import local_ground, smoothed
+from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX, height_noise_m
+from rover_obstacle_detection.detection.outline import guided_filter, texture_level
+from rover_obstacle_detection.detection.regions import region_shares, seed_regions
+from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
-def guided(I, p, r, e):
-    h, w = p.shape
-    I2 = cv2.resize(I, (w//2, h//2), interpolation=cv2.INTER_AREA).astype(np.float32); p2 = cv2.resize(p, (w//2, h//2), interpolation=cv2.INTER_AREA)
-    r = r//2
-    b = lambda x: cv2.blur(x, (2*r+1, 2*r+1))
-    mI, mp = b(I2), b(p2)
-    a = (b(I2*p2)-mI*mp)/(b(I2*I2)-mI*mI+e)
-    bb = mp - a*mI
-    a, bb = b(a), b(bb)
-    return cv2.resize(a,(w,h))*I + cv2.resize(bb,(w,h))
+from rover_obstacle_detection.detection.slope import dropped_cells, steep_cells
+from rover_obstacle_detection.detection.terrain import (
+    elevation_along,
+    window_roughness,
+    window_step,
+)
+from rover_obstacle_detection.detection.warped_matching import (
+    coarse_disparity,
+    residual_range,
+    warped_disparity,
+)
 
-def detect_hybrid(pair, camera, config, gravity, finished):
-    left, right = pair
+PENALTIES = Penalties(one=300, more=1200)
+COARSE_REDUCTION = 4
+REGION_REDUCTION = 4
+
+# Scales of the terrain, in metres: what a wheel feels, what a rock is, what the ground does.
+CELL_PER_STEP = 0.4
+MAX_MAP_CELLS = 400
+OPENING_M = 0.8
+TREND_M = 0.4
+SMOOTHING_M = 0.08
+RELIEF_M = 0.10
+DROP_SURROUNDINGS_M = 2.0
+
+CORE_SHARE = 0.95
+FOOT_M = 0.02
+FOOT_NOISES = 2.0
+MIN_CORE_PIXELS = 5
+GROUND_SHARE = 0.5
+
+TEXTURE_BANDWIDTH = 3.0
+OUTLINE_RADIUS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Stereo:
+    """Disparity at full resolution and the ground plane it was matched against."""
+
+    ground: GroundPlane
+    expected: NDArray[np.float32]
+    disparity: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """The scene at half resolution, in metres over the ground plane, and seen from above."""
+
+    judged: NDArray[np.bool_]
+    height_m: NDArray[np.float32]
+    noise_m: NDArray[np.float32]
+    positions: MapPositions
+    ground_map: Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Mean-shift regions at half resolution and what is known of each."""
+
+    regions: NDArray[np.int32]
+    is_seed: NDArray[np.bool_]
+
+
+def detect_hybrid(
+    pair: GreyPair,
+    camera: StereoCamera,
+    config: DetectorConfig,
+    gravity: Gravity | None,
+    rover_mask: NDArray[np.bool_] | None,
+    finished: Callable[[str], None],
+) -> Detection:
+    """Run the hybrid chain on one pair.
+
+    Parameters
+    ----------
+    pair : tuple of two ndarray of uint8, shape (height, width)
+    camera : StereoCamera
+    config : DetectorConfig
+    gravity : Gravity, optional
+        The vertical, where known.
+    rover_mask : ndarray of bool, shape (height, width), optional
+        Pixels that show the rover: without 3D, and never judged.
+    finished : callable
+        Told the name of each stage as it ends.
+    """
+    stereo = match_against_ground(pair, camera, config, gravity, rover_mask, finished)
+    terrain = survey(stereo, camera, config)
+    finished('local ground')
+    obstacle = exceeds_clearance(terrain, config) | impassable_ground(terrain, stereo, config)
+    finished('height, slope, drop')
+    segments = segment(pair[0], terrain, config)
+    finished('segmentation')
+    obstacle, by_region = complete_by_regions(obstacle, terrain, segments, pair[0], config)
+    finished('regions')
+    mask = draw_outlines(obstacle, terrain, pair[0], config)
+    if rover_mask is not None:
+        mask[rover_mask] = FREE
+    finished('outlines')
+    return _detection(stereo, terrain, segments, by_region, mask, pair[0], camera, config)
+
+
+def match_against_ground(
+    pair: GreyPair,
+    camera: StereoCamera,
+    config: DetectorConfig,
+    gravity: Gravity | None,
+    rover_mask: NDArray[np.bool_] | None,
+    finished: Callable[[str], None],
+) -> Stereo:
+    """Find the ground plane at a quarter of the resolution, then match relative to it."""
     penalty = penalties(config, PENALTIES)
-    coarse = coarse_disparity(left, right, camera, config, penalty, 4)
+    coarse = coarse_disparity(*pair, camera, config, penalty, COARSE_REDUCTION)
+    if rover_mask is not None:
+        coarse.disparity[_decimated(rover_mask, coarse.disparity.shape)] = 0
     finished('coarse disparity')
     ground = estimate_ground(coarse.disparity, coarse.camera, config, gravity)
-    plane_c = DisparityPlane.from_ground(ground, coarse.camera)
-    plane = DisparityPlane.from_ground(ground, camera)
     finished('ground plane')
-    expected = plane.disparity(camera)
-    search = residual_range(coarse, plane_c)
-    disparity = warped_disparity(left, right, camera, np.maximum(expected, 0), search, config, penalty)
+    expected = DisparityPlane.from_ground(ground, camera).disparity(camera)
+    search = residual_range(coarse, DisparityPlane.from_ground(ground, coarse.camera))
+    disparity = warped_disparity(*pair, camera, np.maximum(expected, 0), search, config, penalty)
+    if rover_mask is not None:
+        disparity[rover_mask] = 0
     finished('disparity')
-    # half
-    d = disparity[::2, ::2]; e = expected[::2, ::2]
-    if P['med']:
-        d = cv2.medianBlur(np.ascontiguousarray(d), 5)
-    d = np.ascontiguousarray(d)
-    cam2 = StereoCamera(d.shape[1], d.shape[0], camera.fx/2, camera.fy/2, camera.cx/2, camera.cy/2, camera.baseline_m*2)
-    valid = d > 0
-    H = np.zeros_like(d)
-    np.divide(np.float32(ground.height_m)*(d-e), d, out=H, where=valid)
-    sig = height_noise_m(d, e, ground)
-    pos = map_positions(d, cam2, ground, P['cell'], config.max_range)
-    w = np.where(valid, 1.0, 0).astype(np.float32)
-    w = np.where(valid, 1/(0.02**2+sig**2), 0).astype(np.float32) * 1e-3
-    mean, weight = cell_means(H, w, pos)
-    finished('elevation map')
-    G = local_ground(mean, weight, P['cell'], opening_m=P['opening'], trend_m=P['trend'], smoothing_m=P['smooth'], tolerance_m=P['tol'])
-    finished('local ground')
-    height = H - sample_map(G, pos)
-    height[pos.row < -5] = np.nan
-    c = config.max_step
-    foot = np.maximum(P['foot'], P['footk']*sig)
-    core = P['core']*c + P['corek']*sig
-    obst = grown_from_cores(height, core, foot, int(P['mincore']))
-    finished('clearance')
-    # slope, drop
-    if P['slope']:
-        present = (weight > 0).astype(np.float32)
-        near = (np.abs(mean-G) < P['tol']) & (weight>0)
-        k = np.ones((5,5),np.uint8)
-        Gs = _gaussian(G, P['slope_sigma']/P['cell'])
-        # up in map axes
-        r, f = ground_axes(ground)
-        up = np.asarray(ground.up); n = np.asarray(ground.normal)
-        gy, gx = np.gradient(Gs, P['cell'])
-        # surface normal in plane axes (-gx,-gy,1)
-        cosang = (-gx*(r@up) - gy*(f@up) + (n@up)) / np.sqrt(1+gx**2+gy**2)
-        steep = cosang < math.cos(math.radians(config.max_slope))
-        seen = cv2.dilate(present, k) > 0
-        if P['drop']:
-            size = max(3, round(2.0/P['cell'])|1)
-            closing = cv2.morphologyEx(Gs, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE,(size,size)))
-            steep |= (closing - Gs) > c
-        steep &= seen
-        sl = sample_map(steep.astype(np.float32), pos) > 0.5
-        sl[pos.row < -5] = False
-        obst |= sl
-    finished('slope')
-    if P['reg']:
-        q = (camera.width//4, camera.height//4)
-        small = cv2.resize(left, q, interpolation=cv2.INTER_AREA)
-        regions = mean_shift_regions(small, P['sp']/4, P['sr'], max(2,int(P['minreg']/16)))
-        finished('segmentation')
-        half = (obst.shape[1], obst.shape[0])
-        reg2 = cv2.resize(regions, half, interpolation=cv2.INTER_NEAREST)
-        n = int(reg2.max())+1
-        judged = valid & (pos.row > -5)
-        pts = np.bincount(reg2[judged], minlength=n)
-        hit = np.bincount(reg2[judged & obst], minlength=n)
-        verdict = hit > 0.5*np.maximum(pts,1)
-        if P['reg'] == 2:
-            obst = np.where(judged & (pts[reg2]<1e9), obst, verdict[reg2])
-        if P['reg'] == 3:
-            small_reg = verdict
-            obst = verdict[reg2]
-        if P['reg'] == 4:
-            obst = obst | verdict[reg2]
-    up_ = cv2.resize(obst.astype(np.float32), (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
-    if P['gf']:
-        up_ = guided(left, up_, int(P['gfr']), P['gfe'])
-    mask = (up_ > 0.5).astype(np.uint8)*255
-    finished('outline')
-    hfull = lambda: cv2.resize(height, (camera.width, camera.height), interpolation=cv2.INTER_NEAREST)
-    return Detection(camera=camera, config=config, ground=ground, products=dict(grey=left, disparity=disparity, mask=mask, height=hfull, known=disparity>0))
+    return Stereo(ground, expected, disparity)
+
+
+def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terrain:
+    """Measure the height of every second pixel and the ground under it."""
+    half = camera.decimated(2)
+    disparity = cv2.medianBlur(np.ascontiguousarray(stereo.disparity[::2, ::2]), 5)
+    disparity = np.asarray(disparity, np.float32) / 2
+    expected = stereo.expected[::2, ::2] / 2
+    noise_m = height_noise_m(disparity, expected, stereo.ground, DISPARITY_NOISE_PX / 2)
+    cell_m = max(CELL_PER_STEP * config.max_step, config.max_range / MAX_MAP_CELLS)
+    positions = map_positions(disparity, half, stereo.ground, cell_m, config.max_range)
+    height_m = np.zeros_like(disparity)
+    judged = positions.inside & (noise_m < config.max_step)
+    np.divide(
+        np.float32(stereo.ground.height_m) * (disparity - expected),
+        disparity,
+        out=height_m,
+        where=judged,
+    )
+    # A cell is trusted by its noise, down to what relief there is within a cell anyway.
+    trust = np.zeros_like(height_m)
+    np.divide(FOOT_M**2, FOOT_M**2 + noise_m * noise_m, out=trust, where=judged)
+    mean_m, weight = cell_means(height_m, trust, positions)
+    ground_map = local_ground(
+        mean_m,
+        weight,
+        cell_m,
+        opening_m=OPENING_M,
+        trend_m=TREND_M,
+        smoothing_m=SMOOTHING_M,
+        tolerance_m=GROUND_SHARE * config.max_step,
+    )
+    height_m -= sample_map(ground_map, positions)
+    height_m[~judged] = np.nan
+    return Terrain(judged, height_m, noise_m, positions, ground_map)
+
+
+def exceeds_clearance(terrain: Terrain, config: DetectorConfig) -> NDArray[np.bool_]:
+    """Find what stands higher above the local ground than the rover can step."""
+    foot_m = np.maximum(FOOT_M, FOOT_NOISES * terrain.noise_m)
+    return grown_from_cores(
+        terrain.height_m, CORE_SHARE * config.max_step, foot_m, MIN_CORE_PIXELS
+    )
+
+
+def impassable_ground(
+    terrain: Terrain, stereo: Stereo, config: DetectorConfig
+) -> NDArray[np.bool_]:
+    """Find ground that is too steep at rover scale, or drops away."""
+    cell_m = terrain.positions.cell_m
+    relief_m = smoothed(terrain.ground_map, (RELIEF_M**2 - SMOOTHING_M**2) ** 0.5 / cell_m)
+    cells = steep_cells(relief_m, cell_m, stereo.ground, config.max_slope)
+    cells |= dropped_cells(relief_m, cell_m, DROP_SURROUNDINGS_M, config.max_step)
+    return (sample_map(cells.astype(np.float32), terrain.positions) > 0.5) & terrain.judged
+
+
+def segment(grey: NDArray[np.uint8], terrain: Terrain, config: DetectorConfig) -> Segments:
+    """Divide the image into mean-shift regions, and find which of them are seeds.
+
+    The grey-level bandwidth follows the texture: ground of one kind should be one region.
+    """
+    reduction = REGION_REDUCTION
+    size = max(1, grey.shape[1] // reduction), max(1, grey.shape[0] // reduction)
+    small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
+    bandwidth = TEXTURE_BANDWIDTH * texture_level(small)
+    regions = mean_shift_regions(
+        small,
+        max(1.0, config.mean_shift_spatial_radius / reduction),
+        float(
+            np.clip(
+                bandwidth, config.mean_shift_color_radius / 4, config.mean_shift_color_radius * 2
+            )
+        ),
+        max(1, config.min_region_size // reduction**2),
+    )
+    regions = np.asarray(
+        cv2.resize(regions, terrain.judged.shape[::-1], interpolation=cv2.INTER_NEAREST), np.int32
+    )
+    # Half resolution has a quarter of the points.
+    is_seed = seed_regions(regions, terrain.judged, max(1, config.min_seed_points // 4))
+    return Segments(regions, is_seed)
+
+
+def complete_by_regions(
+    obstacle: NDArray[np.bool_],
+    terrain: Terrain,
+    segments: Segments,
+    grey: NDArray[np.uint8],
+    config: DetectorConfig,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Judge the pixels without 3D by their region: its 3D where it has some, else its grey level.
+
+    Returns
+    -------
+    obstacle : ndarray of bool
+        With the pixels added that only their region judges.
+    by_region : ndarray of bool
+        Those pixels.
+    """
+    share = region_shares(segments.regions, obstacle, terrain.judged)
+    dark = dark_regions(grey[::2, ::2], segments.regions, segments.is_seed, config.dark_grey_level)
+    verdict = (segments.is_seed & (share > 0.5)) | dark
+    by_region = verdict[segments.regions] & ~terrain.judged
+    return obstacle | by_region, by_region
+
+
+def draw_outlines(
+    obstacle: NDArray[np.bool_],
+    terrain: Terrain,
+    grey: NDArray[np.uint8],
+    config: DetectorConfig,
+) -> NDArray[np.uint8]:
+    """Bring the map to the image's outlines and to full resolution."""
+    small = np.ascontiguousarray(grey[::2, ::2])
+    soft = guided_filter(
+        small, obstacle.astype(np.float32), OUTLINE_RADIUS, 0.5 * texture_level(small)
+    )
+    with np.errstate(invalid='ignore'):
+        core = obstacle & (terrain.height_m > CORE_SHARE * config.max_step)
+    soft[core] = 1.0
+    full = _at_full_resolution(soft, grey.shape)
+    return np.asarray(np.where(full > 0.5, OBSTACLE, FREE), np.uint8)
+
+
+def _detection(
+    stereo: Stereo,
+    terrain: Terrain,
+    segments: Segments,
+    by_region: NDArray[np.bool_],
+    mask: NDArray[np.uint8],
+    grey: NDArray[np.uint8],
+    camera: StereoCamera,
+    config: DetectorConfig,
+) -> Detection:
+    shape = camera.shape
+
+    def large(image: NDArray[np.generic]) -> NDArray[np.generic]:
+        return np.repeat(np.repeat(image, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
+
+    def height() -> NDArray[np.float32]:
+        return np.asarray(large(terrain.height_m), np.float32)
+
+    def step() -> NDArray[np.float32]:
+        elevation_m = elevation_along(reproject(stereo.disparity, camera), stereo.ground.up_vector)
+        return window_step(elevation_m, config.window_size)
+
+    return Detection(
+        camera=camera,
+        config=config,
+        ground=stereo.ground,
+        products={
+            'grey': grey,
+            'disparity': stereo.disparity,
+            'regions': lambda: large(segments.regions),
+            'seeds': lambda: large(segments.is_seed[segments.regions]),
+            'roughness': lambda: window_roughness(stereo.disparity, camera, config.window_size),
+            'step': step,
+            'height': height,
+            'known': lambda: large(terrain.judged | by_region) | (mask == OBSTACLE),
+            'mask': mask,
+        },
+    )
+
+
+def _at_full_resolution(image: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Interpolate between every second pixel, which stand at the even places."""
+    return np.asarray(
+        cv2.warpAffine(
+            image,
+            np.float32([[0.5, 0, 0], [0, 0.5, 0]]),
+            (shape[1], shape[0]),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        ),
+        np.float32,
+    )
+
+
+def _decimated(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    small = cv2.resize(mask.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
+    return np.asarray(small > 0)

@@ -53,13 +53,13 @@ def local_ground(
     near the trend the ground; the last two are done twice, the second time from the ground itself.
     """
     present = weight > 0
-    filled = _smoothed(height_m, weight, np.zeros_like(height_m), 1.0)
+    filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
     envelope = _opened(filled, present, max(3, round(opening_m / cell_m) | 1))
     near = present & (height_m - envelope < tolerance_m)
     for _ in range(2):
         trusted = np.where(near, weight, 0).astype(np.float32)
         trend = _regress(height_m, trusted, trend_m / cell_m)
-        ground = _smoothed(height_m, trusted, trend, smoothing_m / cell_m)
+        ground = _follow(height_m, trusted, trend, smoothing_m / cell_m)
         near = present & (height_m - ground < tolerance_m * 0.6)
     return ground
 
@@ -72,17 +72,17 @@ def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
     return np.asarray(cv2.dilate(lowest, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
 
 
-def _gaussian(image: Grid, sigma_cells: float) -> Grid:
-    """Gaussian mean with nothing outside; wide ones on a coarser grid."""
+def smoothed(image: Grid, sigma_cells: float) -> Grid:
+    """Gaussian mean; nothing lies outside the map."""
     return np.asarray(
         cv2.GaussianBlur(image, (0, 0), sigma_cells, borderType=cv2.BORDER_CONSTANT), np.float32
     )
 
 
-def _smoothed(height_m: Grid, weight: Grid, trend: Grid, sigma_cells: float) -> Grid:
+def _follow(height_m: Grid, weight: Grid, trend: Grid, sigma_cells: float) -> Grid:
     """Weighted mean of the deviation from the trend, fading to the trend where weight is thin."""
-    deviation = _gaussian(weight * (height_m - trend), sigma_cells)
-    total = _gaussian(weight, sigma_cells)
+    deviation = smoothed(weight * (height_m - trend), sigma_cells)
+    total = smoothed(weight, sigma_cells)
     floor = np.float32(1e-3) * np.float32(max(float(weight.mean()), 1e-9))
     return trend + deviation / (total + floor)
 

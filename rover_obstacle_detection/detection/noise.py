@@ -12,7 +12,10 @@ WINDOW_NOISE_PX = 0.05
 
 
 def height_noise_m(
-    disparity: NDArray[np.float32], expected: NDArray[np.float32], ground: GroundPlane
+    disparity: NDArray[np.float32],
+    expected: NDArray[np.float32],
+    ground: GroundPlane,
+    noise_px: float,
 ) -> NDArray[np.float32]:
     """Standard deviation of the height over the plane, metres.
 
@@ -23,6 +26,13 @@ def height_noise_m(
     expected : ndarray of float32, shape (height, width)
         Disparity of the plane, pixels.
     ground : GroundPlane
+    noise_px : float
+        Standard deviation of the disparity, pixels.
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width)
+        Infinite or NaN where there is no match.
 
     Notes
     -----
@@ -31,7 +41,7 @@ def height_noise_m(
     """
     with np.errstate(divide='ignore', invalid='ignore'):
         return np.asarray(
-            np.float32(ground.height_m * DISPARITY_NOISE_PX)
+            np.float32(ground.height_m * noise_px)
             * np.maximum(expected, 0)
             / (disparity * disparity),
             np.float32,

@@ -43,3 +43,11 @@ def seed_regions(
         Entry 0 is unused.
     """
     return region_counts(regions, has_point) >= min_seed_points
+
+
+def region_shares(
+    regions: NDArray[np.int32], hit: NDArray[np.bool_], judged: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Share of each region's judged pixels that are hits; 0 where none is judged."""
+    points = region_counts(regions, judged)
+    return region_counts(regions, hit & judged) / np.maximum(points, 1)

@@ -42,6 +42,7 @@ def detect_as_study(
     camera: StereoCamera,
     config: DetectorConfig,
     gravity: Gravity | None,
+    rover_mask: NDArray[np.bool_] | None,
     finished: Callable[[str], None],
 ) -> Detection:
     """Run the study's chain (section 4.2) on one pair.
@@ -53,6 +54,8 @@ def detect_as_study(
     config : DetectorConfig
     gravity : Gravity, optional
         The vertical, where known.
+    rover_mask : ndarray of bool, shape (height, width), optional
+        Pixels that show the rover: without 3D, and never judged.
     finished : callable
         Told the name of each stage as it ends.
     """
@@ -61,6 +64,8 @@ def detect_as_study(
     disparity = plain_disparity(*pair, camera, count, config, penalties(config, PENALTIES))
     disparity = np.asarray(cv2.medianBlur(disparity, 5), np.float32)
     disparity[disparity < camera.disparity_at(config.max_range)] = 0
+    if rover_mask is not None:
+        disparity[rover_mask] = 0
     finished('disparity')
     points = reproject(disparity, camera)
     has_point = disparity > 0
@@ -89,6 +94,8 @@ def detect_as_study(
         config.morphology_size,
         config.morphology_iterations,
     )
+    if rover_mask is not None:
+        mask[rover_mask] = FREE
     finished('morphology')
     return Detection(
         camera=camera,

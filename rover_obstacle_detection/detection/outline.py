@@ -1,0 +1,52 @@
+"""Bringing the obstacle map to the outlines that the image shows."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+def texture_level(grey: NDArray[np.uint8]) -> float:
+    """Spread of the grey level within a few pixels: texture and noise, not outlines.
+
+    The median of the absolute deviation from a 9 x 9 mean, as a standard deviation; at least 1.
+    """
+    image = grey.astype(np.float32)
+    deviation = np.abs(image - cv2.blur(image, (9, 9)))
+    return max(1.0, 1.4826 * float(np.median(deviation)))
+
+
+def guided_filter(
+    guide: NDArray[np.uint8], values: NDArray[np.float32], radius: int, min_contrast: float
+) -> NDArray[np.float32]:
+    """Smooth ``values`` along the outlines of ``guide``.
+
+    Parameters
+    ----------
+    guide : ndarray of uint8, shape (height, width)
+    values : ndarray of float32, shape (height, width)
+    radius : int
+        Half the side of the window, pixels.
+    min_contrast : float
+        Standard deviation of the guide within a window above which it counts as an outline.
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width)
+
+    Notes
+    -----
+    He, Sun and Tang, Guided Image Filtering, 2013.
+    """
+    image = guide.astype(np.float32)
+
+    def mean(array: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.asarray(cv2.blur(array, (2 * radius + 1, 2 * radius + 1)), np.float32)
+
+    mean_image, mean_values = mean(image), mean(values)
+    covariance = mean(image * values) - mean_image * mean_values
+    variance = mean(image * image) - mean_image * mean_image
+    gain = covariance / (variance + np.float32(min_contrast**2))
+    offset = mean_values - gain * mean_image
+    return mean(gain) * image + mean(offset)
