@@ -68,8 +68,8 @@ def load_scene(folder: Path) -> Scene:
     return Scene(
         camera=camera,
         # Grey, since colour would make the bag three times as large.
-        left=_read(folder / 'left.png', cv2.IMREAD_GRAYSCALE),
-        right=_read(folder / 'right.png', cv2.IMREAD_GRAYSCALE),
+        left=_grey(_read(folder / 'left.png')),
+        right=_grey(_read(folder / 'right.png')),
         labels=finished_labels(
             _read(folder / 'labels.png'),
             instances,
@@ -210,8 +210,12 @@ def _cut_by_the_frame(instances: NDArray[np.uint16]) -> list[int]:
     return [int(rock) for rock in np.unique(border) if rock]
 
 
-def _read(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> NDArray[Any]:
-    image = cv2.imread(str(path), flags)
+def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _read(path: Path) -> NDArray[Any]:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None:
         msg = f'{path}: expected an image'
         raise SystemExit(msg)
