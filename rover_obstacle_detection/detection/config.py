@@ -113,7 +113,7 @@ class DetectorConfig:
         0.3, 'Nearest distance along the optical axis at which anything is seen (m).', 0.01, 100.0
     )
     max_range: float = _parameter(
-        10.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0
+        20.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0
     )
 
     gravity_source: str = _parameter(

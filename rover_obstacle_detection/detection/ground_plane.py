@@ -13,6 +13,8 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
 from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX
 
+NEAR_SHARE = 0.7
+
 _CANDIDATES = 300
 _SAMPLE_SIZE = 4000
 _REFINEMENTS = 8
@@ -125,14 +127,7 @@ def _candidates(
     points: NDArray[np.float64], camera: StereoCamera, gravity: Gravity | None
 ) -> NDArray[np.float64]:
     generator = np.random.default_rng(0)
-    # Half of the triples from the nearer half, where the rover is about to drive.
-    near = np.argsort(points[:, 2])[len(points) // 2 :]
-    triples = np.concatenate(
-        (
-            near[generator.integers(len(near), size=(_CANDIDATES // 2, 3))],
-            generator.integers(len(points), size=(_CANDIDATES // 2, 3)),
-        )
-    )
+    triples = generator.integers(len(points), size=(_CANDIDATES, 3))
     corners = points[triples]
     design = corners.copy()
     design[:, :, 2] = 1.0
@@ -220,13 +215,20 @@ def estimate_ground(
     -------
     GroundPlane
         With a height of 1 m below a level camera where nothing at all is known.
+
+    Notes
+    -----
+    The plane follows the nearer half of what is seen: the rover stands next to that, so its
+    normal is the best guess at the vertical where nobody tells it.
     """
+    farthest = camera.disparity_at(config.max_range)
+    seen = disparity[disparity > farthest]
     plane = fit_ground_plane(
         disparity,
         camera,
         tolerance_m=config.max_step / 2,
         noise_px=DISPARITY_NOISE_PX,
-        min_disparity=camera.disparity_at(config.max_range),
+        min_disparity=float(np.quantile(seen, 1 - NEAR_SHARE)) if seen.size else farthest,
         gravity=gravity,
     )
     if plane is not None:

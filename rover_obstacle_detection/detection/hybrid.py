@@ -28,7 +28,7 @@ from rover_obstacle_detection.detection.image import GreyPair
 from rover_obstacle_detection.detection.local_ground import local_ground, smoothed
 from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX, height_noise_m
 from rover_obstacle_detection.detection.outline import guided_filter, texture_level
-from rover_obstacle_detection.detection.regions import region_shares, seed_regions
+from rover_obstacle_detection.detection.regions import nearest_values, seed_regions
 from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
 from rover_obstacle_detection.detection.slope import dropped_cells, steep_cells
@@ -79,11 +79,15 @@ class Stereo:
 class Terrain:
     """The scene at half resolution, in metres over the ground plane, and seen from above."""
 
+    shared_view: NDArray[np.bool_]
+    matched: NDArray[np.bool_]
     judged: NDArray[np.bool_]
     height_m: NDArray[np.float32]
     noise_m: NDArray[np.float32]
     positions: MapPositions
+    reach_px: NDArray[np.float32]
     ground_map: Grid
+    seen_cells: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +127,8 @@ def detect_hybrid(
     finished('height, slope, drop')
     segments = segment(pair[0], terrain, config)
     finished('segmentation')
-    obstacle, by_region = complete_by_regions(obstacle, terrain, segments, pair[0], config)
+    by_region = complete_by_regions(obstacle, terrain, segments, pair[0], config)
+    obstacle |= by_region
     finished('regions')
     mask = draw_outlines(obstacle, terrain, pair[0], config)
     if rover_mask is not None:
@@ -189,7 +194,23 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
     )
     height_m -= sample_map(ground_map, positions)
     height_m[~judged] = np.nan
-    return Terrain(judged, height_m, noise_m, positions, ground_map)
+    # Obstacles go on unseen for as far as they are wide at most.
+    reach_px = disparity * np.float32(OPENING_M / 2 / half.baseline_m)
+    column = np.arange(half.width, dtype=np.float32)[np.newaxis] - np.float32(
+        half.disparity_offset
+    )
+    shared_view = (expected > 0) & (expected <= column)
+    return Terrain(
+        shared_view,
+        disparity > 0,
+        judged,
+        height_m,
+        noise_m,
+        positions,
+        reach_px,
+        ground_map,
+        weight > 0,
+    )
 
 
 def exceeds_clearance(terrain: Terrain, config: DetectorConfig) -> NDArray[np.bool_]:
@@ -207,7 +228,9 @@ def impassable_ground(
     cell_m = terrain.positions.cell_m
     relief_m = smoothed(terrain.ground_map, (RELIEF_M**2 - SMOOTHING_M**2) ** 0.5 / cell_m)
     cells = steep_cells(relief_m, cell_m, stereo.ground, config.max_slope)
-    cells |= dropped_cells(relief_m, cell_m, DROP_SURROUNDINGS_M, config.max_step)
+    cells |= dropped_cells(
+        relief_m, terrain.seen_cells, cell_m, DROP_SURROUNDINGS_M, config.max_step
+    )
     return (sample_map(cells.astype(np.float32), terrain.positions) > 0.5) & terrain.judged
 
 
@@ -234,7 +257,7 @@ def segment(grey: NDArray[np.uint8], terrain: Terrain, config: DetectorConfig) -
         cv2.resize(regions, terrain.judged.shape[::-1], interpolation=cv2.INTER_NEAREST), np.int32
     )
     # Half resolution has a quarter of the points.
-    is_seed = seed_regions(regions, terrain.judged, max(1, config.min_seed_points // 4))
+    is_seed = seed_regions(regions, terrain.matched, max(1, config.min_seed_points // 4))
     return Segments(regions, is_seed)
 
 
@@ -244,21 +267,17 @@ def complete_by_regions(
     segments: Segments,
     grey: NDArray[np.uint8],
     config: DetectorConfig,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Judge the pixels without 3D by their region: its 3D where it has some, else its grey level.
+) -> NDArray[np.bool_]:
+    """Find the pixels that only their region makes an obstacle.
 
-    Returns
-    -------
-    obstacle : ndarray of bool
-        With the pixels added that only their region judges.
-    by_region : ndarray of bool
-        Those pixels.
+    A pixel without 3D in a seed region goes with the nearest judged pixel, if that is of the same
+    region. A region without 3D, though the right eye sees it, is judged by its grey level.
     """
-    share = region_shares(segments.regions, obstacle, terrain.judged)
+    nearest = nearest_values(terrain.judged, obstacle, segments.regions, terrain.reach_px)
     dark = dark_regions(grey[::2, ::2], segments.regions, segments.is_seed, config.dark_grey_level)
-    verdict = (segments.is_seed & (share > 0.5)) | dark
-    by_region = verdict[segments.regions] & ~terrain.judged
-    return obstacle | by_region, by_region
+    by_region = nearest & segments.is_seed[segments.regions]
+    by_region |= dark[segments.regions] & terrain.shared_view
+    return by_region & ~terrain.matched
 
 
 def draw_outlines(

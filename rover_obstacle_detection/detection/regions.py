@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,9 +46,36 @@ def seed_regions(
     return region_counts(regions, has_point) >= min_seed_points
 
 
-def region_shares(
-    regions: NDArray[np.int32], hit: NDArray[np.bool_], judged: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """Share of each region's judged pixels that are hits; 0 where none is judged."""
-    points = region_counts(regions, judged)
-    return region_counts(regions, hit & judged) / np.maximum(points, 1)
+def nearest_values(
+    known: NDArray[np.bool_],
+    values: NDArray[np.bool_],
+    regions: NDArray[np.int32],
+    reach_px: NDArray[np.float32],
+) -> NDArray[np.bool_]:
+    """Carry values from where they are known to the pixels around, not across regions.
+
+    Parameters
+    ----------
+    known, values : ndarray of bool, shape (height, width)
+    regions : ndarray of int32, shape (height, width)
+    reach_px : ndarray of float32, shape (height, width)
+        How far each known pixel's value is carried.
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+        The value of the nearest known pixel; False where that lies in another region or too far.
+    """
+    if not known.any():
+        return np.zeros_like(values)
+    distance, sources = cv2.distanceTransformWithLabels(
+        (~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    value_of = np.zeros(int(sources.max()) + 1, np.bool_)
+    region_of = np.zeros(value_of.size, np.int32)
+    value_of[sources[known]] = values[known]
+    region_of[sources[known]] = regions[known]
+    reach_of = np.zeros(value_of.size, np.float32)
+    reach_of[sources[known]] = reach_px[known]
+    within = distance <= reach_of[sources]
+    return np.asarray(value_of[sources] & within & (region_of[sources] == regions))

@@ -40,7 +40,11 @@ def steep_cells(
 
 
 def dropped_cells(
-    relief_m: Grid, cell_m: float, surroundings_m: float, max_drop_m: float
+    relief_m: Grid,
+    seen: NDArray[np.bool_],
+    cell_m: float,
+    surroundings_m: float,
+    max_drop_m: float,
 ) -> NDArray[np.bool_]:
     """Find the cells that lie deeper below their surroundings than the rover can step.
 
@@ -48,6 +52,8 @@ def dropped_cells(
     ----------
     relief_m : ndarray of float32, shape (rows, columns)
         Height of the ground over the plane, metres.
+    seen : ndarray of bool, shape (rows, columns)
+        Cells that were measured: only those can be a brim.
     cell_m : float
         Side of a cell, metres.
     surroundings_m : float
@@ -56,18 +62,21 @@ def dropped_cells(
 
     Notes
     -----
-    Grey-value closing minus the ground: the depth to which a hollow would fill up. It is taken
-    on a coarser grid, whose cells are a twentieth of ``surroundings_m``.
+    Grey-value closing minus the ground: the depth to which a hollow would fill up. Water would
+    run out over ground that nobody has seen, so a hollow needs a brim all around. The closing is
+    made on cells of about a twentieth of ``surroundings_m``.
     """
     reduction = max(1, round(surroundings_m / (20 * cell_m)))
     rows, columns = relief_m.shape
-    small = cv2.resize(
-        relief_m, (max(1, columns // reduction), max(1, rows // reduction)),
-        interpolation=cv2.INTER_AREA,
-    )  # fmt: skip
+    small = max(1, columns // reduction), max(1, rows // reduction)
+    share = cv2.resize(seen.astype(np.float32), small, interpolation=cv2.INTER_AREA)
+    total = cv2.resize(np.where(seen, relief_m, 0), small, interpolation=cv2.INTER_AREA)
+    abyss = np.float32(-1e4)
+    level = np.where(share > 0, total / np.maximum(share, 1e-6), abyss).astype(np.float32)
     size = round(surroundings_m / (reduction * cell_m)) | 1
+    # Room for the kernel to stand outside the map, where nothing is seen.
+    level = cv2.copyMakeBorder(level, *4 * (size,), cv2.BORDER_CONSTANT, value=float(abyss))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    brim = cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(
-        cv2.resize(brim, (columns, rows), interpolation=cv2.INTER_LINEAR) - relief_m > max_drop_m
-    )
+    brim = cv2.morphologyEx(level, cv2.MORPH_CLOSE, kernel)[size:-size, size:-size]
+    depth_m = cv2.resize(brim, (columns, rows), interpolation=cv2.INTER_NEAREST) - relief_m
+    return np.asarray((depth_m > max_drop_m) & seen)
