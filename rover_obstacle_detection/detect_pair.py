@@ -20,6 +20,7 @@ from rover_obstacle_detection.output_folder import output_folder
 from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures, write_png
 from rover_obstacle_detection.ply import write_ply
 from rover_obstacle_detection.replay import check_offline
+from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.stopwatch import Stopwatch
 from rover_obstacle_detection.summary import FrameSummary, obstacle_json, preamble, write_json
 
@@ -38,6 +39,7 @@ def detect_pair(
     config: DetectorConfig,
     output: Path,
     *,
+    rover: RoverMask | None = None,
     force: bool = False,
 ) -> Detection:
     """Detect obstacles in two image files and write what was seen.
@@ -53,6 +55,8 @@ def detect_pair(
         Calibration files of the left and the right camera.
     config : DetectorConfig
     output : Path
+    rover : RoverMask, optional
+        Where the left image shows the rover itself.
     force : bool
         Replace the files of an earlier run.
 
@@ -64,11 +68,10 @@ def detect_pair(
     check_offline(config)
     camera = load_stereo_camera(*calibration)
     left_image, right_image = read_image(left), read_image(right)
+    detector = Detector(camera, config, rover.pixels(*camera.shape) if rover else None)
     stopwatch = Stopwatch()
     try:
-        detection = Detector(camera, config).detect(
-            left_image, right_image, on_stage=stopwatch.lap
-        )
+        detection = detector.detect(left_image, right_image, on_stage=stopwatch.lap)
     except ImageError as error:
         msg = f'{left}, {right}: {error}'
         raise ImageError(msg) from error

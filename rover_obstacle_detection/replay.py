@@ -9,17 +9,18 @@ from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs, read_pairs
-from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
+from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.errors import BagError, ConfigurationError, ImageError
-from rover_obstacle_detection.messages.calibration import load_stereo_camera
+from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.output_folder import output_folder
 from rover_obstacle_detection.pairing import PairingStatistics
 from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures
+from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.stopwatch import Stopwatch
 from rover_obstacle_detection.summary import (
     FrameSummary,
@@ -48,6 +49,8 @@ class ReplayOptions:
     Parameters
     ----------
     config : DetectorConfig
+    rover : RoverMask, optional
+        Where the left images show the rover itself.
     left_topic, right_topic : str, optional
         Image topics; found by their names if not given.
     calibration : tuple of Path, optional
@@ -58,6 +61,8 @@ class ReplayOptions:
         The part of the recording, from its start.
     every : int
         Take every n-th pair.
+    salvage : bool
+        Replay a damaged recording as far as it can be read, instead of refusing it.
     images : bool
         Write the pictures of each pair.
     force : bool
@@ -65,6 +70,7 @@ class ReplayOptions:
     """
 
     config: DetectorConfig
+    rover: RoverMask | None = None
     left_topic: str | None = None
     right_topic: str | None = None
     calibration: tuple[Path, Path] | None = None
@@ -72,6 +78,7 @@ class ReplayOptions:
     start_s: float = 0.0
     duration_s: float | None = None
     every: int = 1
+    salvage: bool = False
     images: bool = False
     force: bool = False
 
@@ -91,14 +98,16 @@ def replay_bag(
     """
     check_offline(options.config)
     with open_bag(path) as bag:
-        topics = find_stereo_topics(
-            bag.topics, left_image=options.left_topic, right_image=options.right_topic
+        if bag.notes and not options.salvage:
+            raise BagError(f'{bag.notes[0]}; --salvage replays it')
+        topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
+        calibration = (
+            load_stereo_calibration(*options.calibration) if options.calibration else None
         )
-        camera = load_stereo_camera(*options.calibration) if options.calibration else None
         pairs = read_pairs(
             bag,
             topics,
-            camera=camera,
+            camera=calibration,
             tolerance_ns=options.tolerance_ns,
             start_s=options.start_s,
             duration_s=options.duration_s,
@@ -195,7 +204,9 @@ class _Run:
 
     def _detector_of(self, camera: StereoCamera) -> Detector:
         if self._detector is None or self._detector.camera != camera:
-            self._detector = Detector(camera, self._options.config)
+            rover = self._options.rover
+            pixels = rover.pixels(*camera.shape) if rover else None
+            self._detector = Detector(camera, self._options.config, pixels)
             if camera not in self._cameras:
                 self._cameras.append(camera)
         return self._detector

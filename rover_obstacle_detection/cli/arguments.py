@@ -100,6 +100,18 @@ def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
         dest='settings',
         help='one parameter, over the parameter file; may be repeated',
     )
+    group.add_argument(
+        '--rover-mask',
+        metavar='PNG',
+        default='',
+        help='picture that is not black where the left image shows the rover itself',
+    )
+    group.add_argument(
+        '--rover-polygon',
+        metavar='CORNERS',
+        default='',
+        help='the same as a polygon in pixels, such as [[0,600],[1023,600],[1023,767],[0,767]]',
+    )
 
 
 def detector_config(arguments: argparse.Namespace) -> DetectorConfig:

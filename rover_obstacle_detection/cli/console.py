@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
 
@@ -13,6 +14,19 @@ OnTaskProgress = Callable[[int, int, int], None]
 def report_error(message: str) -> None:
     """Say what was wrong in one line."""
     print(f'rover-obstacles: error: {" ".join(message.split())}', file=sys.stderr)
+
+
+@contextlib.contextmanager
+def warnings_on_stderr() -> Iterator[None]:
+    """Show what the package's loggers warn of, a line each."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter('rover-obstacles: %(levelname)s: %(message)s'))
+    logger = logging.getLogger('rover_obstacle_detection')
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
 
 
 @contextlib.contextmanager

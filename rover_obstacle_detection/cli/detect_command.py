@@ -63,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from rover_obstacle_detection.detect_pair import detect_pair
     from rover_obstacle_detection.output_folder import check_output
+    from rover_obstacle_detection.rover_mask import RoverMask
     from rover_obstacle_detection.summary_table import obstacle_table
 
     check_output(arguments.output, force=arguments.force)
@@ -72,6 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
         (arguments.left_info, arguments.right_info),
         detector_config(arguments),
         arguments.output,
+        rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
         force=arguments.force,
     )
     Console(highlight=False).print(obstacle_table(detection.obstacles))

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from types import FrameType
 
 from rover_obstacle_detection import __version__
-from rover_obstacle_detection.cli.console import report_error
+from rover_obstacle_detection.cli.console import report_error, warnings_on_stderr
 from rover_obstacle_detection.errors import ObstacleDetectionError
 
 COMMAND_MODULES = (
@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = make_parser()
     arguments = parser.parse_args(argv)
     try:
-        with _termination_unwinds():
+        with _termination_unwinds(), warnings_on_stderr():
             return int(arguments.run(arguments))
     except argparse.ArgumentTypeError as error:
         # Arguments that are each right by themselves, but not together.

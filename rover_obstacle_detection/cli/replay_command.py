@@ -34,7 +34,7 @@ EPILOG = """\
 examples:
   rover-obstacles replay traverse.mcap --output traverse_detections --images
   rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
-  rover-obstacles replay bag/ -o out --left /cam0/image_raw --right /cam1/image_raw \\
+  rover-obstacles replay bag/ -o out --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
       --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
   rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
 """
@@ -83,7 +83,7 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('input')
     for side in ('left', 'right'):
         group.add_argument(
-            f'--{side}',
+            f'--{side}-topic',
             metavar='TOPIC',
             help=f'{side} image topic (default: found by its name)',
         )
@@ -102,6 +102,11 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         '--every', metavar='N', type=positive_int, default=1, help='take every N-th pair only'
+    )
+    group.add_argument(
+        '--salvage',
+        action='store_true',
+        help='replay a damaged bag as far as it can be read (default: refuse it)',
     )
 
 
@@ -136,6 +141,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _options(arguments: argparse.Namespace) -> ReplayOptions:
     from rover_obstacle_detection.replay import ReplayOptions, check_offline
+    from rover_obstacle_detection.rover_mask import RoverMask
 
     calibration = (arguments.left_info, arguments.right_info)
     if any(calibration) and not all(calibration):
@@ -147,13 +153,15 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
     tolerance_s = arguments.approximate_sync
     return ReplayOptions(
         config=config,
-        left_topic=arguments.left,
-        right_topic=arguments.right,
+        rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
+        left_topic=arguments.left_topic,
+        right_topic=arguments.right_topic,
         calibration=calibration if all(calibration) else None,
         tolerance_ns=None if tolerance_s is None else round(1e9 * tolerance_s),
         start_s=arguments.start,
         duration_s=arguments.duration,
         every=arguments.every,
+        salvage=arguments.salvage,
         images=arguments.images,
         force=arguments.force,
     )
