@@ -72,6 +72,8 @@ def _measure(
     left, top, width, height, pixels = (int(value) for value in box)
     window = np.s_[top : top + height, left : left + width]
     inside = (labels[window] == number) & np.isfinite(height_m[window])
+    # A height may be carried to a pixel that has no disparity of its own.
+    inside &= np.isfinite(points[window][..., 2])
     own = points[window][inside]
     nowhere = (np.nan, np.nan, np.nan)
     return Obstacle(
