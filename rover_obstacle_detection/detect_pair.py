@@ -19,7 +19,6 @@ from rover_obstacle_detection.messages.image import decode_compressed_image
 from rover_obstacle_detection.output_folder import output_folder
 from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures, write_png
 from rover_obstacle_detection.ply import write_ply
-from rover_obstacle_detection.replay import check_offline
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.stopwatch import Stopwatch
 from rover_obstacle_detection.summary import FrameSummary, obstacle_json, preamble, write_json
@@ -65,7 +64,6 @@ def detect_pair(
     ObstacleDetectionError
         If a file cannot be read, or does not fit the others.
     """
-    check_offline(config)
     camera = load_stereo_camera(*calibration)
     left_image, right_image = read_image(left), read_image(right)
     detector = Detector(camera, config, rover.pixels(*camera.shape) if rover else None)

@@ -168,14 +168,17 @@ def _outline(picture: Picture, mask: NDArray[np.uint8]) -> None:
 
 
 def _label(picture: Picture, detection: Detection) -> None:
-    """Label the obstacles, the nearest first, leaving out what would cover another label."""
+    """Label the obstacles, the nearest first, leaving out specks and what would cover a label."""
     scale = max(0.35, picture.shape[0] / 1600.0)
+    speck_pixels = picture.shape[0] * picture.shape[1] // 8000
     taken: list[tuple[int, int, int, int]] = []
     nearest_first = sorted(
         detection.obstacles,
         key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf,
     )
     for obstacle in nearest_first:
+        if obstacle.pixels < speck_pixels:
+            continue
         text = obstacle_label(obstacle, detection.config.max_step)
         (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
         left = obstacle.left + (obstacle.width - width) // 2

@@ -14,7 +14,7 @@ from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
-from rover_obstacle_detection.errors import BagError, ConfigurationError, ImageError
+from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.output_folder import output_folder
@@ -33,7 +33,6 @@ OnProgress = Callable[[int, int], None]
 """Called with the pairs done and the pairs expected."""
 
 WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points')
-OFFLINE_GRAVITY_SOURCES = ('estimate', 'parameters')
 OWN_FILES = (
     'summary.json',
     'detections/metadata.yaml',
@@ -96,7 +95,6 @@ def replay_bag(
     ObstacleDetectionError
         If the recording cannot be read, lacks something, or not one of its pairs can be used.
     """
-    check_offline(options.config)
     with open_bag(path) as bag:
         if bag.notes and not options.salvage:
             raise BagError(f'{bag.notes[0]}; --salvage replays it')
@@ -123,22 +121,6 @@ def replay_bag(
                 summary = run.summary(path, pairs)
             write_json(folder / 'summary.json', summary.as_json())
     return summary
-
-
-def check_offline(config: DetectorConfig) -> None:
-    """Refuse a configuration that only a live node can follow.
-
-    Raises
-    ------
-    ConfigurationError
-        If the vertical is to come from an IMU or from TF.
-    """
-    if config.gravity_source not in OFFLINE_GRAVITY_SOURCES:
-        msg = (
-            f'gravity_source is {config.gravity_source!r}, which the live node has: expected '
-            f'{" or ".join(OFFLINE_GRAVITY_SOURCES)} offline'
-        )
-        raise ConfigurationError(msg)
 
 
 class _Run:

@@ -12,6 +12,7 @@ from typing import Any
 from rover_obstacle_detection.detection.config import METHODS, DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
 
+OFFLINE_GRAVITY_SOURCES = ('estimate', 'parameters')
 Setting = tuple[str, Any]
 
 
@@ -120,15 +121,25 @@ def detector_config(arguments: argparse.Namespace) -> DetectorConfig:
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, or the parameters contradict each other.
+        If the file cannot be read, the parameters contradict each other, or the vertical is to
+        come from what only a live node has.
     """
-    from rover_obstacle_detection.parameter_file import load_config
+    config = DetectorConfig()
+    if arguments.params:
+        from rover_obstacle_detection.parameter_file import load_config
 
-    config = load_config(arguments.params) if arguments.params else DetectorConfig()
+        config = load_config(arguments.params)
     changes: dict[str, Any] = dict(arguments.settings)
     if arguments.method:
         changes['method'] = arguments.method
-    return dataclasses.replace(config, **changes)
+    config = dataclasses.replace(config, **changes)
+    if config.gravity_source not in OFFLINE_GRAVITY_SOURCES:
+        msg = (
+            f'gravity_source is {config.gravity_source!r}, which only the live node follows: '
+            f'expected {" or ".join(OFFLINE_GRAVITY_SOURCES)}'
+        )
+        raise ConfigurationError(msg)
+    return config
 
 
 def _number(text: str) -> float:

@@ -140,7 +140,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _options(arguments: argparse.Namespace) -> ReplayOptions:
-    from rover_obstacle_detection.replay import ReplayOptions, check_offline
+    from rover_obstacle_detection.replay import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
     calibration = (arguments.left_info, arguments.right_info)
@@ -148,11 +148,9 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
         given, missing = ('left', 'right') if arguments.left_info else ('right', 'left')
         msg = f'--{given}-info is given without --{missing}-info: expected both or none'
         raise argparse.ArgumentTypeError(msg)
-    config = detector_config(arguments)
-    check_offline(config)
     tolerance_s = arguments.approximate_sync
     return ReplayOptions(
-        config=config,
+        config=detector_config(arguments),
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
