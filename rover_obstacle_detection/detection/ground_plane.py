@@ -15,9 +15,9 @@ from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX
 
 NEAR_SHARE = 0.7
 
-_CANDIDATES = 300
-_SAMPLE_SIZE = 4000
-_REFINEMENTS = 8
+_CANDIDATES = 200
+_SAMPLE_SIZE = 2000
+_REFINEMENTS = 6
 _MAX_TILT_DEG = 60.0
 _BELOW_WEIGHT = 2.0
 
@@ -160,10 +160,12 @@ def _scaled_heights(
     """Height of each point over the plane, in units of tolerance and noise together."""
     direction = plane * (camera.fx, camera.fy, 1.0)
     height_m = camera.fx * camera.baseline_m / np.linalg.norm(direction, axis=-1)
-    expected = points[:, :2] @ plane[..., :2].T + plane[..., 2]
-    ratio = (points[:, 2] - expected.T) / points[:, 2]
-    sigma_m = np.hypot(tolerance_m, np.multiply.outer(height_m, noise_px / points[:, 2]))
-    return np.asarray(height_m[..., np.newaxis] * ratio / sigma_m)
+    expected = plane[..., :2] @ points[:, :2].T + plane[..., 2:]
+    # With everything over the plane's own height there is one division per point left.
+    ratio = 1.0 - expected / points[:, 2]
+    noise = noise_px / points[:, 2]
+    tolerance = (tolerance_m / height_m)[..., np.newaxis]
+    return np.asarray(ratio / np.sqrt(tolerance * tolerance + noise * noise))
 
 
 def _costs(
@@ -173,7 +175,7 @@ def _costs(
     tolerance_m: float,
     noise_px: float,
 ) -> NDArray[np.float64]:
-    thin = points[:: max(1, len(points) // 1000)]
+    thin = points[:: max(1, len(points) // 400)]
     heights = _scaled_heights(planes, thin, camera, tolerance_m, noise_px)
     cost = np.minimum(heights**2, 9.0)
     return np.asarray(np.where(heights < -3.0, _BELOW_WEIGHT * cost, cost).sum(axis=1))
