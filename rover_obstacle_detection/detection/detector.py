@@ -15,6 +15,7 @@ from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.hybrid import detect_hybrid
 from rover_obstacle_detection.detection.image import equalized, grey_pair
 from rover_obstacle_detection.detection.study import detect_as_study
+from rover_obstacle_detection.errors import ImageError
 
 OnStage = Callable[[str], None]
 
@@ -28,6 +29,11 @@ class Detector:
     config : DetectorConfig, optional
     rover_mask : ndarray of bool, shape (height, width), optional
         True where the image shows the rover itself: never judged, never an obstacle.
+
+    Raises
+    ------
+    ImageError
+        If the rover mask has another size than the camera.
     """
 
     def __init__(
@@ -38,6 +44,12 @@ class Detector:
     ) -> None:
         self.camera = camera
         self.config = config or DetectorConfig()
+        if rover_mask is not None and rover_mask.shape != camera.shape:
+            msg = (
+                f'rover mask has shape {rover_mask.shape}: expected {camera.shape}, the height '
+                'and width of the images'
+            )
+            raise ImageError(msg)
         self.rover_mask = rover_mask
 
     def detect(
@@ -68,9 +80,17 @@ class Detector:
         if self.config.equalize_histogram:
             pair = equalized(pair)
         finished = on_stage or _unobserved
+        gravity = gravity or self._configured_gravity()
         finished('grey')
         chain = detect_as_study if self.config.method == 'study' else detect_hybrid
         return chain(pair, self.camera, self.config, gravity, self.rover_mask, finished)
+
+    def _configured_gravity(self) -> Gravity | None:
+        if self.config.gravity_source != 'parameters':
+            return None
+        return Gravity.from_angles(
+            self.config.camera_pitch, self.config.camera_roll, self.config.camera_height or None
+        )
 
 
 def _unobserved(stage: str) -> None:

@@ -40,7 +40,7 @@ class MapPositions:
 
 
 def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unit vectors within the plane: to the right, and forward along the optical axis."""
+    """Give unit vectors within the plane: to the right, and forward along the optical axis."""
     normal = np.asarray(ground.normal)
     right = np.array([1.0, 0.0, 0.0])
     right -= normal * (right @ normal)

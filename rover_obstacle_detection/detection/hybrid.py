@@ -123,11 +123,12 @@ def detect_hybrid(
     stereo = match_against_ground(pair, camera, config, gravity, rover_mask, finished)
     terrain = survey(stereo, camera, config)
     finished('local ground')
-    obstacle = exceeds_clearance(terrain, config) | impassable_ground(terrain, stereo, config)
+    rocks = exceeds_clearance(terrain, config)
+    obstacle = rocks | impassable_ground(terrain, stereo, config)
     finished('height, slope, drop')
     segments = segment(pair[0], terrain, config)
     finished('segmentation')
-    by_region = complete_by_regions(obstacle, terrain, segments, pair[0], config)
+    by_region = complete_by_regions(rocks, terrain, segments, pair[0], config)
     obstacle |= by_region
     finished('regions')
     mask = draw_outlines(obstacle, terrain, pair[0], config)
@@ -262,7 +263,7 @@ def segment(grey: NDArray[np.uint8], terrain: Terrain, config: DetectorConfig) -
 
 
 def complete_by_regions(
-    obstacle: NDArray[np.bool_],
+    rocks: NDArray[np.bool_],
     terrain: Terrain,
     segments: Segments,
     grey: NDArray[np.uint8],
@@ -273,7 +274,7 @@ def complete_by_regions(
     A pixel without 3D in a seed region goes with the nearest judged pixel, if that is of the same
     region. A region without 3D, though the right eye sees it, is judged by its grey level.
     """
-    nearest = nearest_values(terrain.judged, obstacle, segments.regions, terrain.reach_px)
+    nearest = nearest_values(terrain.judged, rocks, segments.regions, terrain.reach_px)
     dark = dark_regions(grey[::2, ::2], segments.regions, segments.is_seed, config.dark_grey_level)
     by_region = nearest & segments.is_seed[segments.regions]
     by_region |= dark[segments.regions] & terrain.shared_view

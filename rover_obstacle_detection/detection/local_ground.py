@@ -100,7 +100,8 @@ def _regress(height_m: Grid, weight: Grid, sigma_cells: float) -> Grid:
     sigma = sigma_cells * small[0] / columns
     value = _local_line(np.asarray(moment, np.float64), np.asarray(mass, np.float64), sigma)
     if reduction > 1:
-        value = cv2.resize(value, (columns, rows), interpolation=cv2.INTER_LINEAR)
+        wide = cv2.resize(value, (columns, rows), interpolation=cv2.INTER_LINEAR)
+        return np.asarray(wide, np.float32)
     return np.asarray(value, np.float32)
 
 

@@ -17,7 +17,7 @@ def height_noise_m(
     ground: GroundPlane,
     noise_px: float,
 ) -> NDArray[np.float32]:
-    """Standard deviation of the height over the plane, metres.
+    """Give the standard deviation of the height over the plane, metres.
 
     Parameters
     ----------

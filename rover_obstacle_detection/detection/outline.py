@@ -47,6 +47,6 @@ def guided_filter(
     mean_image, mean_values = mean(image), mean(values)
     covariance = mean(image * values) - mean_image * mean_values
     variance = mean(image * image) - mean_image * mean_image
-    gain = covariance / (variance + np.float32(min_contrast**2))
+    gain = np.asarray(covariance / (variance + np.float32(min_contrast**2)), np.float32)
     offset = mean_values - gain * mean_image
     return mean(gain) * image + mean(offset)
