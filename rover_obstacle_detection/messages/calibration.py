@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,33 @@ class CameraInfo:
         )
 
 
+@dataclass(frozen=True)
+class StereoCalibration:
+    """The calibrations of both eyes, and where they come from: files or topics.
+
+    Raises
+    ------
+    CameraError
+        With the source in front, if the two do not make a stereo camera.
+    """
+
+    left: CameraInfo
+    right: CameraInfo
+    source: str
+
+    def __post_init__(self) -> None:
+        assert self.camera
+
+    @cached_property
+    def camera(self) -> StereoCamera:
+        """The stereo camera of the rectified images."""
+        try:
+            return StereoCamera.from_camera_info(self.left, self.right)
+        except CameraError as error:
+            msg = f'{self.source}: {error}'
+            raise CameraError(msg) from None
+
+
 def load_camera_info(path: str | Path) -> CameraInfo:
     """Read a calibration file of ROS's camera_calibration or camera_info_manager.
 
@@ -100,7 +128,7 @@ def load_camera_info(path: str | Path) -> CameraInfo:
     )
 
 
-def load_stereo_camera(left_yaml: str | Path, right_yaml: str | Path) -> StereoCamera:
+def load_stereo_calibration(left_yaml: str | Path, right_yaml: str | Path) -> StereoCalibration:
     """Read the two calibration files of a stereo camera.
 
     Raises
@@ -108,24 +136,22 @@ def load_stereo_camera(left_yaml: str | Path, right_yaml: str | Path) -> StereoC
     CameraError
         Naming the file and key, or what the two contradict each other in.
     """
-    return stereo_camera(
-        load_camera_info(left_yaml), load_camera_info(right_yaml), f'{left_yaml} and {right_yaml}'
+    return StereoCalibration(
+        load_camera_info(left_yaml),
+        load_camera_info(right_yaml),
+        f'{left_yaml} and {right_yaml}',
     )
 
 
-def stereo_camera(left: CameraInfo, right: CameraInfo, source: str) -> StereoCamera:
-    """Make the stereo camera of two calibrations.
+def load_stereo_camera(left_yaml: str | Path, right_yaml: str | Path) -> StereoCamera:
+    """Read the two calibration files of a stereo camera whose images are rectified.
 
     Raises
     ------
     CameraError
-        With ``source``, the files or topics, in front of what is wrong.
+        Naming the file and key, or what the two contradict each other in.
     """
-    try:
-        return StereoCamera.from_camera_info(left, right)
-    except CameraError as error:
-        msg = f'{source}: {error}'
-        raise CameraError(msg) from None
+    return load_stereo_calibration(left_yaml, right_yaml).camera
 
 
 def _size(content: dict[str, Any], key: str, path: Path) -> int:

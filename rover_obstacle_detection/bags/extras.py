@@ -1,0 +1,56 @@
+"""Messages of other topics brought to the pair whose stamp they bear."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+from rover_obstacle_detection.messages.header import NANOSECONDS_PER_SECOND, stamp_ns
+
+_WAIT_NS = NANOSECONDS_PER_SECOND
+
+Item = TypeVar('Item')
+
+
+class Extras(Generic[Item]):
+    """Holds each item until every extra topic has brought its message, or a second has passed.
+
+    Parameters
+    ----------
+    topics : sequence of str
+        With none, nothing is held.
+    """
+
+    def __init__(self, topics: Sequence[str]) -> None:
+        self.topics = tuple(topics)
+        self._messages: dict[str, dict[int, Any]] = {topic: {} for topic in topics}
+        self._held: deque[tuple[int, int, Item]] = deque()
+
+    def take(self, topic: str, message: Any) -> None:
+        """Take a message of an extra topic."""
+        waiting = self._messages[topic]
+        waiting[stamp_ns(message.header)] = message
+        oldest_ns = next(iter(waiting))
+        # Messages that no pair asked for, because an image was lost or not wanted.
+        if stamp_ns(message.header) - oldest_ns > 2 * _WAIT_NS:
+            del waiting[oldest_ns]
+
+    def hold(self, stamp_ns: int, log_time_ns: int, item: Item) -> None:
+        """Hold an item until its messages are there."""
+        self._held.append((stamp_ns, log_time_ns, item))
+
+    def ready(self, log_time_ns: int | None) -> Iterator[tuple[Item, Mapping[str, Any]]]:
+        """Release, in order, what is complete or has waited too long; with None everything."""
+        while self._held:
+            stamp, held_ns, item = self._held[0]
+            found = {
+                topic: messages[stamp]
+                for topic, messages in self._messages.items()
+                if stamp in messages
+            }
+            is_late = log_time_ns is None or log_time_ns - held_ns > _WAIT_NS
+            if len(found) < len(self.topics) and not is_late:
+                return
+            self._held.popleft()
+            yield item, found

@@ -1,0 +1,270 @@
+"""Stereo pairs out of a recording, decoded, with the camera that took them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.bags.calibration_watch import CalibrationWatch, FixedCamera
+from rover_obstacle_detection.bags.extras import Extras
+from rover_obstacle_detection.bags.reader import BadMessage, BagReader
+from rover_obstacle_detection.bags.topics import StereoTopics
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.errors import BagError, CameraError, ImageError
+from rover_obstacle_detection.messages.calibration import StereoCalibration
+from rover_obstacle_detection.messages.header import (
+    NANOSECONDS_PER_SECOND,
+    make_header,
+    stamp_ns,
+)
+from rover_obstacle_detection.messages.image import decode_any_image
+from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
+from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
+
+_QUEUE_SIZE = 30
+
+
+@dataclass(frozen=True, eq=False)
+class StereoPair:
+    """A decoded, rectified pair.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Stamp of the left image.
+    frame_id : str
+        Frame of the left image.
+    left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+        Grey or BGR.
+    left_header : std_msgs/Header
+        Of the left image, as a message that a `BagWriter` takes.
+    camera : StereoCamera
+    extras : mapping of str to message
+        Messages of the extra topics with the left image's stamp; a topic without one is missing.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    left: NDArray[Any]
+    right: NDArray[Any]
+    left_header: Any
+    camera: StereoCamera
+    extras: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class BadFrame:
+    """A message or a pair that cannot be used, and why."""
+
+    stamp_ns: int
+    topic: str
+    reason: str
+
+
+def read_pairs(
+    bag: BagReader,
+    topics: StereoTopics,
+    *,
+    camera: StereoCamera | StereoCalibration | None = None,
+    tolerance_ns: int | None = None,
+    start_s: float = 0.0,
+    duration_s: float | None = None,
+    every: int = 1,
+    extra_topics: Sequence[str] = (),
+) -> StereoPairs:
+    """Read the stereo pairs of a recording, one at a time.
+
+    Parameters
+    ----------
+    bag : BagReader
+    topics : StereoTopics
+    camera : StereoCamera or StereoCalibration, optional
+        Instead of the recording's camera_info. With a StereoCamera images are taken to be
+        rectified; with a calibration those whose topics are not named so are rectified first.
+    tolerance_ns : int, optional
+        Largest difference of the stamps of a pair; None: they must be equal.
+    start_s, duration_s : float, optional
+        The part of the recording to read, seconds from its start.
+    every : int
+        Decode and return each n-th pair only.
+    extra_topics : sequence of str
+        Topics whose messages with the stamp of a pair come with it.
+
+    Raises
+    ------
+    BagError
+        If there is no calibration; while reading, if the recording is broken, or its images have
+        another size than the calibration.
+    CameraError
+        If no depth can be computed from the calibration.
+    """
+    return StereoPairs(
+        bag,
+        topics,
+        _watch(bag, topics, camera, tolerance_ns or 0),
+        StereoPairing(tolerance_ns, _QUEUE_SIZE),
+        window_ns=_window_ns(bag, start_s, duration_s),
+        every=every,
+        extras=Extras(extra_topics),
+    )
+
+
+def _watch(
+    bag: BagReader,
+    topics: StereoTopics,
+    camera: StereoCamera | StereoCalibration | None,
+    tolerance_ns: int,
+) -> CalibrationWatch | FixedCamera:
+    if isinstance(camera, StereoCamera):
+        return FixedCamera(camera)
+    infos = {name for name in (topics.left_info, topics.right_info) if name is not None}
+    if camera is None:
+        return CalibrationWatch(bag.calibration(topics), topics, infos, tolerance_ns)
+    # A given calibration does not change on the way.
+    return CalibrationWatch(camera, topics, set(), tolerance_ns)
+
+
+class StereoPairs(Iterator['StereoPair | BadFrame']):
+    """The pairs of a recording as they are read, and the counts up to now; see `read_pairs`."""
+
+    def __init__(
+        self,
+        bag: BagReader,
+        topics: StereoTopics,
+        watch: CalibrationWatch | FixedCamera,
+        pairing: StereoPairing,
+        *,
+        window_ns: tuple[int, int],
+        every: int,
+        extras: Extras[StereoPair | BadFrame],
+    ) -> None:
+        self._bag = bag
+        self._topics = topics
+        self._watch = watch
+        self._pairing = pairing
+        self._window_ns = window_ns
+        self._every = every
+        self._extras = extras
+        self._factory = RosbagsFactory()
+        self._seen_pairs = 0
+        self._decoded_pairs = 0
+        self._frames = self._read()
+        self.bad_frames = 0
+        """Messages and pairs that could not be used."""
+
+    @property
+    def statistics(self) -> PairingStatistics:
+        """The counts of the pairing."""
+        return self._pairing.statistics
+
+    def __next__(self) -> StereoPair | BadFrame:
+        frame = next(self._frames)
+        self.bad_frames += isinstance(frame, BadFrame)
+        return frame
+
+    def _read(self) -> Iterator[StereoPair | BadFrame]:
+        for topic, log_time_ns, message in self._bag.messages(self._wanted(), *self._window_ns):
+            for frame in self._take(topic, log_time_ns, message):
+                self._extras.hold(frame.stamp_ns, log_time_ns, frame)
+            yield from self._with_extras(log_time_ns)
+        for pair in self._pairing.flush():
+            for frame in self._take_pair(pair):
+                self._extras.hold(frame.stamp_ns, self._window_ns[1], frame)
+        yield from self._with_extras(None)
+
+    def _wanted(self) -> set[str]:
+        images = {self._topics.left_image, self._topics.right_image}
+        return images | self._watch.info_topics | set(self._extras.topics)
+
+    def _with_extras(self, log_time_ns: int | None) -> Iterator[StereoPair | BadFrame]:
+        for frame, extras in self._extras.ready(log_time_ns):
+            yield replace(frame, extras=extras) if isinstance(frame, StereoPair) else frame
+
+    def _take(self, topic: str, log_time_ns: int, message: Any) -> Iterator[StereoPair | BadFrame]:
+        if isinstance(message, BadMessage):
+            yield BadFrame(log_time_ns, topic, f'{topic}: {message.reason}')
+        elif topic in (self._topics.left_image, self._topics.right_image):
+            yield from self._take_image(topic, log_time_ns, message)
+        elif topic in self._extras.topics:
+            self._extras.take(topic, message)
+        else:
+            try:
+                self._watch.take(topic, message)
+            except CameraError as error:
+                yield BadFrame(log_time_ns, topic, str(error))
+
+    def _take_image(
+        self, topic: str, log_time_ns: int, message: Any
+    ) -> Iterator[StereoPair | BadFrame]:
+        stamp = stamp_ns(message.header)
+        if stamp <= 0:
+            reason = (
+                f'{topic}: header.stamp is {stamp / NANOSECONDS_PER_SECOND:g} s: expected more'
+            )
+            yield BadFrame(log_time_ns, topic, reason)
+            return
+        is_left = topic == self._topics.left_image
+        add = self._pairing.add_left if is_left else self._pairing.add_right
+        pair = add(stamp, message)
+        if pair is not None:
+            yield from self._take_pair(pair)
+
+    def _take_pair(self, pair: Pair) -> Iterator[StereoPair | BadFrame]:
+        self._seen_pairs += 1
+        if (self._seen_pairs - 1) % self._every:
+            return
+        try:
+            yield self._decode(pair)
+            self._decoded_pairs += 1
+        except ImageError as error:
+            yield BadFrame(pair.stamp_ns, self._topics.left_image, str(error))
+
+    def _decode(self, pair: Pair) -> StereoPair:
+        left = decode_any_image(pair.left, self._topics.left_image)
+        right = decode_any_image(pair.right, self._topics.right_image)
+        self._check_sizes(left, right)
+        left, right = self._watch.rectify(left, right)
+        frame_id = str(pair.left.header.frame_id)
+        return StereoPair(
+            stamp_ns=pair.stamp_ns,
+            frame_id=frame_id,
+            left=left,
+            right=right,
+            left_header=make_header(pair.stamp_ns, frame_id, self._factory),
+            camera=self._watch.camera,
+        )
+
+    def _check_sizes(self, left: NDArray[Any], right: NDArray[Any]) -> None:
+        topics = self._topics
+        if left.shape[:2] != right.shape[:2]:
+            msg = (
+                f'{topics.right_image} is {_size(right.shape)}, {topics.left_image} is '
+                f'{_size(left.shape)}: expected the same size'
+            )
+            raise ImageError(msg)
+        expected = self._watch.camera.shape
+        if left.shape[:2] == expected:
+            return
+        msg = (
+            f'{topics.left_image} and {topics.right_image} are {_size(left.shape)}, '
+            f'but {self._watch.source} is for {_size(expected)}: expected the same size'
+        )
+        if self._decoded_pairs:
+            raise ImageError(msg)
+        # Both eyes agree from the start: not a bad frame but another camera's calibration.
+        msg = f'{self._bag.path}: {msg}'
+        raise BagError(msg)
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return f'{shape[1]} x {shape[0]}'
+
+
+def _window_ns(bag: BagReader, start_s: float, duration_s: float | None) -> tuple[int, int]:
+    start_ns = bag.start_ns + round(start_s * NANOSECONDS_PER_SECOND)
+    if duration_s is None:
+        return start_ns, bag.end_ns
+    return start_ns, min(bag.end_ns, start_ns + round(duration_s * NANOSECONDS_PER_SECOND))

@@ -1,0 +1,57 @@
+"""A detection's disparity as ``stereo_msgs/DisparityImage``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.messages.encodings import FLOAT_ENCODING
+from rover_obstacle_detection.messages.factory import MessageFactory
+from rover_obstacle_detection.messages.image import encode_image
+
+_INVALID = np.float32(-1)
+_STEP = 1 / 16
+
+
+def encode_disparity(detection: Detection, header: Any, factory: MessageFactory) -> Any:
+    """Make a ``stereo_msgs/DisparityImage``: ``Z = f T / d``.
+
+    The disparity of infinity is taken off, as the message asks for; pixels without a match are
+    -1, below ``min_disparity``, which is how the message marks them.
+
+    Parameters
+    ----------
+    detection : Detection
+    header : std_msgs/Header
+    factory : MessageFactory
+    """
+    camera, disparity = detection.camera, detection.disparity
+    valid = disparity > 0
+    nearest = camera.disparity_at(detection.config.min_range)
+    return factory.make(
+        'stereo_msgs/msg/DisparityImage',
+        header=header,
+        image=encode_image(np.where(valid, disparity, _INVALID), FLOAT_ENCODING, header, factory),
+        f=camera.fx,
+        t=camera.baseline_m,
+        valid_window=factory.make('sensor_msgs/msg/RegionOfInterest', **_window(valid)),
+        min_disparity=0.0,
+        max_disparity=max(nearest, float(disparity.max())),
+        delta_d=_STEP,
+    )
+
+
+def _window(valid: NDArray[np.bool_]) -> dict[str, int]:
+    """Bounding box of the pixels with a match."""
+    columns, rows = np.flatnonzero(valid.any(axis=0)), np.flatnonzero(valid.any(axis=1))
+    if not columns.size:
+        return {}
+    return {
+        'x_offset': int(columns[0]),
+        'y_offset': int(rows[0]),
+        'width': int(columns[-1] - columns[0]) + 1,
+        'height': int(rows[-1] - rows[0]) + 1,
+    }

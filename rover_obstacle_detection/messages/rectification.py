@@ -1,0 +1,144 @@
+"""Raw images made rectified, as image_proc does it, from the calibration's K, D, R and P."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.errors import CameraError, ImageError
+from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
+
+_PINHOLE_MODELS = ('plumb_bob', 'rational_polynomial', '')
+_FISHEYE_MODEL = 'equidistant'
+
+
+def needs_rectification(info: CameraInfo) -> bool:
+    """Whether a raw image of this calibration differs from a rectified one."""
+    k, p = np.reshape(info.k, (3, 3)), np.reshape(info.p, (3, 4))[:, :3]
+    is_aligned = np.allclose(info.r, np.eye(3).reshape(-1)) and np.allclose(k, p)
+    return bool(np.any(info.d)) or not is_aligned
+
+
+class Rectification:
+    """Resamples the raw images of one eye to rectified ones.
+
+    Parameters
+    ----------
+    info : CameraInfo
+    name : str
+        Topic or file of the calibration, for the errors.
+
+    Raises
+    ------
+    CameraError
+        If the intrinsic or the rectification matrix is not one, or the distortion model is not
+        known.
+
+    Notes
+    -----
+    The maps are those of ``cv2.initUndistortRectifyMap`` (model equidistant: ``cv2.fisheye``),
+    with K and P brought to the cropped and binned image first, as image_geometry does. Pixels
+    that the raw image does not show are 0.
+    """
+
+    def __init__(self, info: CameraInfo, name: str) -> None:
+        self._name = name
+        r = np.reshape(info.r, (3, 3))
+        if info.k[0] <= 0 or info.k[4] <= 0 or not np.isfinite(info.k).all():
+            self._refuse(f'K is {info.k}: expected focal lengths above 0')
+        if not np.allclose(r @ r.T, np.eye(3), atol=1e-3):
+            self._refuse(f'R is {info.r}: expected a rotation')
+        if info.distortion_model == _FISHEYE_MODEL:
+            make_maps: Any = cv2.fisheye.initUndistortRectifyMap
+        elif info.distortion_model in _PINHOLE_MODELS:
+            make_maps = cv2.initUndistortRectifyMap
+        else:
+            self._refuse(
+                f'distortion_model is {info.distortion_model!r}: expected plumb_bob, '
+                f'rational_polynomial or {_FISHEYE_MODEL}'
+            )
+        window, self._size = _window(info)
+        k, p = window @ np.reshape(info.k, (3, 3)), window @ np.reshape(info.p, (3, 4))[:, :3]
+        distortion = np.asarray(info.d, np.float64)
+        try:
+            self._columns, self._rows = make_maps(k, distortion, r, p, self._size, cv2.CV_16SC2)
+        except cv2.error:
+            self._refuse(f'D is {info.d}: expected the coefficients of {info.distortion_model}')
+
+    def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Rectify an image.
+
+        Parameters
+        ----------
+        image : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+
+        Raises
+        ------
+        ImageError
+            If it has another size than the calibration.
+        """
+        height, width = image.shape[:2]
+        if (width, height) != self._size:
+            msg = (
+                f'the image is {width} x {height}, its calibration {self._name} is for '
+                f'{self._size[0]} x {self._size[1]}: expected the same'
+            )
+            raise ImageError(msg)
+        rectified: NDArray[Any] = cv2.remap(image, self._columns, self._rows, cv2.INTER_LINEAR)
+        return rectified
+
+    def _refuse(self, reason: str) -> NoReturn:
+        msg = f'{self._name}: {reason}'
+        raise CameraError(msg)
+
+
+def _window(info: CameraInfo) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """Make what takes pixels of the full image to the cropped and binned one, and its size."""
+    binning_x, binning_y = info.binning_x or 1, info.binning_y or 1
+    x_offset, y_offset, width, height = 0, 0, info.width, info.height
+    if info.roi is not None:
+        x_offset, y_offset = info.roi.x_offset, info.roi.y_offset
+        width, height = info.roi.width or width, info.roi.height or height
+    window = np.array(
+        [
+            [1 / binning_x, 0, -x_offset / binning_x],
+            [0, 1 / binning_y, -y_offset / binning_y],
+            [0, 0, 1],
+        ]
+    )
+    return window, (width // binning_x, height // binning_y)
+
+
+class StereoRectification:
+    """Resamples pairs of raw images; an eye that needs nothing is passed on as it is.
+
+    Parameters
+    ----------
+    calibration : StereoCalibration
+
+    Raises
+    ------
+    CameraError
+        As of `Rectification`.
+    """
+
+    def __init__(self, calibration: StereoCalibration) -> None:
+        self._eyes = tuple(
+            Rectification(info, calibration.source) if needs_rectification(info) else None
+            for info in (calibration.left, calibration.right)
+        )
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether any image is changed."""
+        return any(self._eyes)
+
+    def __call__(
+        self, left: NDArray[Any], right: NDArray[Any]
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Rectify a pair; see `Rectification.__call__`."""
+        left_eye, right_eye = self._eyes
+        return left_eye(left) if left_eye else left, right_eye(right) if right_eye else right
