@@ -167,8 +167,8 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
     """Measure the height of every second pixel and the ground under it."""
     half = camera.decimated(2)
     disparity = cv2.medianBlur(np.ascontiguousarray(stereo.disparity[::2, ::2]), 5)
-    disparity = np.asarray(disparity, np.float32) / 2
-    expected = stereo.expected[::2, ::2] / 2
+    disparity = np.asarray(disparity, np.float32) * np.float32(0.5)
+    expected = stereo.expected[::2, ::2] * np.float32(0.5)
     noise_m = height_noise_m(disparity, expected, stereo.ground, DISPARITY_NOISE_PX / 2)
     cell_m = max(CELL_PER_STEP * config.max_step, config.max_range / MAX_MAP_CELLS)
     positions = map_positions(disparity, half, stereo.ground, cell_m, config.max_range)
@@ -344,7 +344,7 @@ def _at_full_resolution(image: NDArray[np.float32], shape: tuple[int, ...]) -> N
     return np.asarray(
         cv2.warpAffine(
             image,
-            np.float32([[0.5, 0, 0], [0, 0.5, 0]]),
+            np.array([[0.5, 0, 0], [0, 0.5, 0]], np.float32),
             (shape[1], shape[0]),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
