@@ -113,7 +113,7 @@ def replay_bag(
         )
         with output_folder(output, force=options.force, replaces=OWN_FILES) as folder:
             run = _Run(topics, folder, options)
-            with BagWriter(folder / 'detections') as writer:
+            with BagWriter(folder / 'detections', compress=False) as writer:
                 expected = _expected_pairs(bag, topics, options)
                 for done, pair in enumerate(run.timed(pairs), start=1):
                     run.process(pair, writer)
