@@ -65,6 +65,10 @@ class DamagedMcap:
         """Make the message of an entry."""
         return self._typestore.deserialize_cdr(entry.data, entry.type_name)
 
+    def serialized(self, entry: Entry) -> bytes:
+        """Give the message of an entry as ROS 2 sends it (CDR)."""
+        return entry.data
+
     def _scan(self) -> None:
         for topic, _, message in self._read():
             self._counts[topic] += 1

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rover_obstacle_detection.bags.sources import Source, open_sources, read_failure
+from rover_obstacle_detection.bags.sources import Entry, Source, open_sources, read_failure
 from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.errors import BagError
@@ -77,6 +77,24 @@ class BagReader:
         BagError
             If the recording is broken from here on.
         """
+        for entry in self._entries(topics, start_ns, end_ns):
+            message = _attempt(entry, entry.source.deserialize)
+            yield entry.topic, entry.log_time_ns, message
+
+    def serialized_messages(
+        self,
+        topics: Collection[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[tuple[str, int, bytes | memoryview | BadMessage]]:
+        """Read messages as `messages` does, but as ROS 2 sends them (CDR), not decoded."""
+        for entry in self._entries(topics, start_ns, end_ns):
+            message = _attempt(entry, entry.source.serialized)
+            yield entry.topic, entry.log_time_ns, message
+
+    def _entries(
+        self, topics: Collection[str], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[Entry]:
         streams = [source.messages(topics, start_ns, end_ns) for source in self._sources]
         merged = heapq.merge(*streams, key=lambda entry: entry.log_time_ns)
         while True:
@@ -86,12 +104,7 @@ class BagReader:
                 raise read_failure(self.path, error) from error
             if entry is None:
                 return
-            try:
-                message = entry.source.deserialize(entry)
-            except Exception as error:
-                reason = f'{entry.type_name} cannot be decoded: {type(error).__name__}: {error}'
-                message = BadMessage(entry.topic, entry.log_time_ns, reason)
-            yield entry.topic, entry.log_time_ns, message
+            yield entry
 
     def stereo_topics(self, **given: str | None) -> StereoTopics:
         """Find the stereo camera's topics; see `find_stereo_topics`.
@@ -145,6 +158,14 @@ class BagReader:
             'beside it, or calibration files with --left-info and --right-info'
         )
         raise BagError(msg)
+
+
+def _attempt(entry: Entry, convert: Callable[[Entry], Any]) -> Any:
+    try:
+        return convert(entry)
+    except Exception as error:
+        reason = f'{entry.type_name} cannot be decoded: {type(error).__name__}: {error}'
+        return BadMessage(entry.topic, entry.log_time_ns, reason)
 
 
 @contextmanager

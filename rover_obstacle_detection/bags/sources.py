@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from rosbags.convert.converter import migrate_bytes
 from rosbags.highlevel import AnyReader
 from rosbags.typesys.store import Typestore
 
@@ -47,6 +48,10 @@ class Source(Protocol):
         """Make the message of an entry."""
         ...
 
+    def serialized(self, entry: Entry) -> bytes | memoryview:
+        """Give the message of an entry as ROS 2 sends it (CDR)."""
+        ...
+
 
 class RosbagsSource:
     """A recording that the rosbags library reads.
@@ -61,6 +66,7 @@ class RosbagsSource:
     def __init__(self, path: Path, stack: ExitStack) -> None:
         known = ros1_typestore() if path.suffix == '.bag' else ros2_typestore()
         self._reader = stack.enter_context(AnyReader([path], default_typestore=known))
+        self._migrations: dict[str, object] = {}
         self.note = ''
         self.topics: Mapping[str, str] = {
             each.topic: each.msgtype for each in self._reader.connections
@@ -89,6 +95,21 @@ class RosbagsSource:
     def deserialize(self, entry: Entry) -> Any:
         """Make the message of an entry."""
         return self._reader.deserialize(entry.data, entry.type_name)
+
+    def serialized(self, entry: Entry) -> bytes | memoryview:
+        """Give the message of an entry as ROS 2 sends it (CDR)."""
+        if self._reader.is2:
+            return entry.data
+        return migrate_bytes(
+            self._reader.typestore,
+            ros2_typestore(),
+            entry.type_name,
+            entry.type_name,
+            self._migrations,
+            entry.data,
+            src_is2=False,
+            dst_is2=True,
+        )
 
 
 def add_missing_types(typestore: Typestore, known: Typestore) -> None:
