@@ -184,8 +184,8 @@ def _label(picture: Picture, detection: Detection) -> None:
         left = obstacle.left + (obstacle.width - width) // 2
         left = max(2, min(left, picture.shape[1] - width - 3))
         top = obstacle.top - height - below - 4
-        if top < 2:
-            top = min(obstacle.top + obstacle.height + 4, picture.shape[0] - height - below - 3)
+        # Where it reaches the upper border, the label lies within.
+        top = max(top, 4)
         box = (left - 2, top - 2, left + width + 2, top + height + below + 1)
         if any(_overlap(box, other) for other in taken):
             continue

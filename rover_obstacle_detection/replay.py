@@ -23,6 +23,9 @@ from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.stopwatch import Stopwatch
 from rover_obstacle_detection.summary import (
+    READ,
+    WRITE_BAG,
+    WRITE_IMAGES,
     FrameSummary,
     ReplayFrame,
     ReplaySummary,
@@ -140,7 +143,7 @@ class _Run:
         """Pass the pairs on, each with its reading as the first lap."""
         self._stopwatch.take_ms()
         for pair in pairs:
-            self._stopwatch.lap('read')
+            self._stopwatch.lap(READ)
             yield pair
             self._stopwatch.take_ms()
 
@@ -161,11 +164,11 @@ class _Run:
             topic = f'{self._topics.namespace}/{name}'
             writer.add(topic, output.type_name, message, pair.stamp_ns)
         summary = FrameSummary.of(detection)
-        lap('write bag')
+        lap(WRITE_BAG)
         number = len(self._frames) + 1
         if self._options.images:
             write_pictures(detection, pair.left, self._folder / 'images', f'{number:06d}_')
-            lap('write images')
+            lap(WRITE_IMAGES)
         taken_ms = self._stopwatch.take_ms()
         self._frames.append(ReplayFrame(number, pair.stamp_ns, summary, taken_ms))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +49,16 @@ class StageTime:
     p95_ms: float
     max_ms: float
 
+    @classmethod
+    def of(cls, laps_ms: Sequence[float]) -> StageTime:
+        """Sum up one or more laps."""
+        return cls(
+            mean_ms=float(np.mean(laps_ms)),
+            median_ms=float(np.median(laps_ms)),
+            p95_ms=float(np.percentile(laps_ms, 95)),
+            max_ms=float(np.max(laps_ms)),
+        )
+
 
 def stage_times(frames: Iterable[Mapping[str, float]]) -> dict[str, StageTime]:
     """Sum up the stages of all frames, in the order in which they first came."""
@@ -56,12 +66,4 @@ def stage_times(frames: Iterable[Mapping[str, float]]) -> dict[str, StageTime]:
     for frame in frames:
         for stage, lap_ms in frame.items():
             by_stage.setdefault(stage, []).append(lap_ms)
-    return {
-        stage: StageTime(
-            mean_ms=float(np.mean(laps_ms)),
-            median_ms=float(np.median(laps_ms)),
-            p95_ms=float(np.percentile(laps_ms, 95)),
-            max_ms=float(np.max(laps_ms)),
-        )
-        for stage, laps_ms in by_stage.items()
-    }
+    return {stage: StageTime.of(laps_ms) for stage, laps_ms in by_stage.items()}

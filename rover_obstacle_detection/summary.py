@@ -26,9 +26,14 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detection import OBSTACLE, Detection
 from rover_obstacle_detection.detection.obstacles import Obstacle
 from rover_obstacle_detection.pairing import PairingStatistics
-from rover_obstacle_detection.stopwatch import stage_times
+from rover_obstacle_detection.stopwatch import StageTime, stage_times
 
 FORMAT_VERSION = 1
+
+READ = 'read'
+WRITE_BAG = 'write bag'
+WRITE_IMAGES = 'write images'
+FILE_STAGES = (READ, WRITE_BAG, WRITE_IMAGES)
 
 
 @dataclass(frozen=True)
@@ -89,13 +94,18 @@ class ReplayFrame:
         The left image's stamp.
     summary : FrameSummary
     stage_ms : mapping of str to float
-        Milliseconds by stage, in order.
+        Milliseconds by stage, in order: the detector's, and those of `FILE_STAGES`.
     """
 
     number: int
     stamp_ns: int
     summary: FrameSummary
     stage_ms: Mapping[str, float]
+
+    @property
+    def detection_ms(self) -> float:
+        """Milliseconds of the detector, without reading and writing."""
+        return sum(ms for stage, ms in self.stage_ms.items() if stage not in FILE_STAGES)
 
 
 @dataclass(frozen=True)
@@ -109,6 +119,16 @@ class ReplaySummary:
     statistics: PairingStatistics
     frames: tuple[ReplayFrame, ...]
     bad_frames: tuple[BadFrame, ...]
+
+    @property
+    def times(self) -> dict[str, StageTime]:
+        """Milliseconds of each stage over all frames."""
+        return stage_times(each.stage_ms for each in self.frames)
+
+    @property
+    def detection_time(self) -> StageTime:
+        """Milliseconds of the detector over all frames."""
+        return StageTime.of([each.detection_ms for each in self.frames])
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of ``summary.json``."""
@@ -130,10 +150,8 @@ class ReplaySummary:
                 'smallest_gap_s': None if gap_ns is None else gap_ns / 1e9,
             },
             'obstacles_per_frame': _spread([each.summary.obstacles for each in self.frames]),
-            'stage_ms': {
-                stage: _finite(dataclasses.asdict(times))
-                for stage, times in stage_times(each.stage_ms for each in self.frames).items()
-            },
+            'stage_ms': {stage: dataclasses.asdict(time) for stage, time in self.times.items()},
+            'detection_ms': dataclasses.asdict(self.detection_time),
             'bad_frames': [
                 {'stamp_ns': each.stamp_ns, 'topic': each.topic, 'reason': each.reason}
                 for each in self.bad_frames
@@ -143,6 +161,7 @@ class ReplaySummary:
                     'number': each.number,
                     'stamp_ns': each.stamp_ns,
                     **each.summary.as_json(),
+                    'detection_ms': round(each.detection_ms, 3),
                     'stage_ms': {stage: round(ms, 3) for stage, ms in each.stage_ms.items()},
                 }
                 for each in self.frames

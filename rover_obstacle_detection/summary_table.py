@@ -1,8 +1,11 @@
-"""The table at the end of a replay."""
+"""The tables at the end of a replay and of a detection."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from pathlib import PurePath
+from typing import NamedTuple
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
@@ -10,26 +13,39 @@ from rich.table import Table
 from rich.text import Text
 
 from rover_obstacle_detection.detection.obstacles import Obstacle
-from rover_obstacle_detection.stopwatch import StageTime, stage_times
+from rover_obstacle_detection.stopwatch import StageTime
 from rover_obstacle_detection.summary import ReplaySummary
 
+_COLUMNS = 4
 _LISTED_REASONS = 5
 
 
+class _Row(NamedTuple):
+    name: str
+    value: str
+    remark: str
+
+
 def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
-    """Tabulate one replay from top to bottom, several a row each; bad frames beneath."""
-    table = _table_of_one(summaries[0]) if len(summaries) == 1 else _table_of_many(summaries)
+    """Tabulate replays, a column each; what was wrong with bad frames stands beneath."""
+    if len(summaries) == 1:
+        tables = [_table(summaries, with_remarks=True)]
+    else:
+        tables = [
+            _table(summaries[start : start + _COLUMNS], with_remarks=False)
+            for start in range(0, len(summaries), _COLUMNS)
+        ]
     reasons = [line for summary in summaries for line in _bad_frames(summary)]
-    return Group(table, *reasons)
+    return Group(*tables, *reasons)
 
 
 def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
     """Tabulate single obstacles, the nearest first."""
-    table = Table(title='Obstacles', title_justify='left')
+    table = Table(title=f'{len(obstacles)} obstacles', title_justify='left')
     for name in ('#', 'range m', 'height m', 'width m', 'depth m', 'pixels', 'box x y w h'):
         table.add_column(name, justify='right')
     nearest_first = sorted(
-        obstacles, key=lambda each: (each.range_m != each.range_m, each.range_m)
+        obstacles, key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf
     )
     for number, each in enumerate(nearest_first, start=1):
         table.add_row(
@@ -44,70 +60,55 @@ def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
     return table
 
 
-def _table_of_one(summary: ReplaySummary) -> Table:
-    table = Table(
-        title=f'Replay of {escape(summary.bag)}, method {summary.config.method}',
-        title_justify='left',
-        show_header=False,
-    )
-    table.add_column('quantity')
-    table.add_column('value', justify='right')
-    table.add_column('remark')
-    statistics = summary.statistics
-    table.add_row('frames left', str(statistics.left), escape(summary.topics.left_image))
-    table.add_row('frames right', str(statistics.right), escape(summary.topics.right_image))
-    table.add_row('pairs', str(statistics.pairs), f'{len(summary.frames)} through the detector')
-    table.add_row('unmatched', *_unmatched(summary))
-    table.add_row('bad frames', str(len(summary.bad_frames)), 'skipped')
-    obstacles = [each.summary.obstacles for each in summary.frames]
-    table.add_row('obstacles per frame', _mean(obstacles), f'{min(obstacles)} to {max(obstacles)}')
-    table.add_section()
-    times = stage_times(frame.stage_ms for frame in summary.frames)
-    for stage, time in times.items():
-        table.add_row(f'{stage}, ms per frame', f'{time.mean_ms:.1f}', f'p95 {time.p95_ms:.1f}')
-    total = _total(summary)
-    table.add_row('total, ms per frame', f'{total.mean_ms:.1f}', f'p95 {total.p95_ms:.1f}')
-    return table
-
-
-def _table_of_many(summaries: Sequence[ReplaySummary]) -> Table:
-    table = Table(
-        title=f'Replay of {len(summaries)} bags, method {summaries[0].config.method}',
-        title_justify='left',
-        show_lines=True,
-    )
-    table.add_column('bag', overflow='fold')
-    for name in ('frames left/right', 'pairs', 'unmatched', 'bad', 'obstacles per frame', 'ms'):
-        table.add_column(name, justify='right')
-    table.add_column('ms per frame by stage')
+def _table(summaries: Sequence[ReplaySummary], *, with_remarks: bool) -> Table:
+    table = Table(title=f'Replay, method {summaries[0].config.method}', title_justify='left')
+    table.add_column('')
     for summary in summaries:
-        statistics = summary.statistics
-        times = stage_times(frame.stage_ms for frame in summary.frames)
-        table.add_row(
-            escape(summary.bag),
-            f'{statistics.left}/{statistics.right}',
-            str(statistics.pairs),
-            str(statistics.unmatched_left + statistics.unmatched_right),
-            str(len(summary.bad_frames)),
-            _mean([each.summary.obstacles for each in summary.frames]),
-            f'{_total(summary).mean_ms:.1f}',
-            ', '.join(f'{stage} {time.mean_ms:.1f}' for stage, time in times.items()),
-        )
+        table.add_column(escape(PurePath(summary.bag).name), justify='right', overflow='fold')
+    if with_remarks:
+        table.add_column('')
+    for rows in _sections(summaries):
+        for row, *others in rows:
+            values = [row.value, *(other.value for other in others)]
+            table.add_row(row.name, *values, *([escape(row.remark)] if with_remarks else []))
+        table.add_section()
     return table
 
 
-def _total(summary: ReplaySummary) -> StageTime:
-    totals = ({'total': sum(frame.stage_ms.values())} for frame in summary.frames)
-    return stage_times(totals)['total']
+def _sections(summaries: Sequence[ReplaySummary]) -> Iterable[list[tuple[_Row, ...]]]:
+    """Each section's rows; of each row one for every summary."""
+    for section in (_counts, _times):
+        yield list(zip(*(section(each) for each in summaries), strict=True))
 
 
-def _unmatched(summary: ReplaySummary) -> tuple[str, str]:
+def _counts(summary: ReplaySummary) -> list[_Row]:
     statistics = summary.statistics
-    count = statistics.unmatched_left + statistics.unmatched_right
-    remark = f'{statistics.unmatched_left} left, {statistics.unmatched_right} right'
-    if count and statistics.smallest_gap_ns:
-        remark += f'; smallest stamp gap {statistics.smallest_gap_ns / 1e6:.3f} ms'
-    return str(count), remark
+    bad = len(summary.bad_frames)
+    obstacles = [each.summary.obstacles for each in summary.frames]
+    unmatched = f'{statistics.unmatched_left} left, {statistics.unmatched_right} right'
+    if statistics.unmatched_left and statistics.smallest_gap_ns:
+        unmatched += f'; smallest stamp gap {statistics.smallest_gap_ns / 1e6:.3f} ms'
+    return [
+        _Row('left frames', str(statistics.left), summary.topics.left_image),
+        _Row('right frames', str(statistics.right), summary.topics.right_image),
+        _Row('pairs', str(statistics.pairs), f'{len(summary.frames)} through the detector'),
+        _Row('unmatched', str(statistics.unmatched_left + statistics.unmatched_right), unmatched),
+        _Row('bad frames', str(bad), 'skipped, see below' if bad else ''),
+        _Row(
+            'obstacles per frame',
+            f'{sum(obstacles) / len(obstacles):.1f}',
+            f'{min(obstacles)} to {max(obstacles)}',
+        ),
+    ]
+
+
+def _times(summary: ReplaySummary) -> list[_Row]:
+    stages = [_time(f'{stage}, ms per frame', time) for stage, time in summary.times.items()]
+    return [*stages, _time('detection in all, ms per frame', summary.detection_time)]
+
+
+def _time(name: str, time: StageTime) -> _Row:
+    return _Row(name, f'{time.mean_ms:.1f}', f'95 % under {time.p95_ms:.1f}')
 
 
 def _bad_frames(summary: ReplaySummary) -> Iterable[Text]:
@@ -118,9 +119,5 @@ def _bad_frames(summary: ReplaySummary) -> Iterable[Text]:
         yield Text(f'and {more} more bad frames: see summary.json')
 
 
-def _mean(values: Sequence[float]) -> str:
-    return f'{sum(values) / len(values):.1f}'
-
-
 def _metres(value: float) -> str:
-    return f'{value:.2f}' if value == value else '-'
+    return f'{value:.2f}' if math.isfinite(value) else '-'
