@@ -57,11 +57,18 @@ def local_ground(
     envelope = _opened(filled, present, max(3, round(opening_m / cell_m) | 1))
     near = present & (height_m - envelope < tolerance_m)
     for _ in range(2):
+        near = _without_feet(near, present)
         trusted = np.where(near, weight, 0).astype(np.float32)
         trend = _regress(height_m, trusted, trend_m / cell_m)
         ground = _follow(height_m, trusted, trend, smoothing_m / cell_m)
         near = present & (height_m - ground < tolerance_m * 0.6)
     return ground
+
+
+def _without_feet(near: NDArray[np.bool_], present: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Leave out the cells that touch what stands on the ground: a rock's foot is no ground."""
+    standing = (present & ~near).astype(np.uint8)
+    return np.asarray(near & (cv2.dilate(standing, np.ones((3, 3), np.uint8)) == 0))
 
 
 def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
