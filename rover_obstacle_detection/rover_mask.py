@@ -83,7 +83,7 @@ class RoverMask:
                 f'expected the size of the left image, {width} x {height}'
             )
             raise ConfigurationError(msg)
-        return self.picture | drawn.astype(bool)
+        return np.asarray(self.picture | drawn.astype(bool))
 
 
 def _read_picture(path: str) -> NDArray[np.bool_]:

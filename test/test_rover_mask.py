@@ -57,7 +57,7 @@ def test_picture_of_another_size_is_refused(tmp_path: Path) -> None:
     ['[]', '[[0, 0], [1, 1]]', 'nonsense', '[[0, 0], [1], [2, 2]]', '3', '[[0,0],[9e9,0],[1,1]]'],
 )
 def test_no_polygon_is_refused(text: str) -> None:
-    with pytest.raises(ConfigurationError, match='rover_polygon is .* expected three or more'):
+    with pytest.raises(ConfigurationError, match=r'rover_polygon is .* expected three or more'):
         RoverMask.load(polygon=text)
 
 

@@ -19,6 +19,8 @@ from rover_obstacle_detection.errors import ObstacleDetectionError
 COMMAND_MODULES = (
     'rover_obstacle_detection.cli.replay_command',
     'rover_obstacle_detection.cli.detect_command',
+    'rover_obstacle_detection.cli.run_command',
+    'rover_obstacle_detection.cli.play_command',
 )
 FAILED = 1
 INTERRUPTED = 130

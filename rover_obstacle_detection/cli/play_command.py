@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rover_obstacle_detection.cli.arguments import positive_number, positive_seconds, seconds
+from rover_obstacle_detection.cli.arguments import positive_seconds, seconds
 
 DESCRIPTION = """\
 Publish a recording's topics into the live ROS graph: rosbag2 (mcap, sqlite3) or rosbag1, in the
@@ -19,6 +19,15 @@ Examples:
   rover-obstacles play traverse --ros-args -r /front/left/image_rect:=/stereo/left/image_rect
 """
 CLOCK_HZ = 100.0
+
+
+def positive_number(text: str) -> float:
+    """Parse a rate: more than 0."""
+    try:
+        return positive_seconds(text)
+    except argparse.ArgumentTypeError as error:
+        msg = f'{text!r}: expected a number above 0'
+        raise argparse.ArgumentTypeError(msg) from error
 
 
 def add_parser(subparsers: Any) -> None:

@@ -1,0 +1,138 @@
+"""Start and end of the node's process."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rover_obstacle_detection.errors import ObstacleDetectionError
+from rover_obstacle_detection.node.process import StopSignals, ros
+from rover_obstacle_detection.node.throttle import Throttle
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the executable ``obstacle_detector`` until Ctrl-C or SIGTERM.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Command line without the program's name, such as ``--ros-args -p max_step:=0.15``.
+
+    Returns
+    -------
+    int
+        0, or 1 after an error that one line on stderr names.
+    """
+    parser = argparse.ArgumentParser(
+        prog='obstacle_detector',
+        description='ROS 2 node: rectified stereo pairs in, obstacle mask and clouds out.',
+    )
+    add_ros_arguments(parser)
+    arguments = parser.parse_args(argv)
+    try:
+        return run_node(arguments.ros_args)
+    except ObstacleDetectionError as error:
+        print(f'obstacle_detector: error: {error}', file=sys.stderr)
+        return 1
+
+
+def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--ros-args``, which takes the rest of the line as ROS 2 does."""
+    parser.add_argument(
+        '--ros-args',
+        nargs=argparse.REMAINDER,
+        default=[],
+        metavar='...',
+        help='all that follows goes to ROS 2: -p NAME:=VALUE, -r FROM:=TO, --params-file YAML',
+    )
+
+
+def run_node(ros_arguments: Sequence[str]) -> int:
+    """Run the node until Ctrl-C or SIGTERM, however often and whenever they come.
+
+    Returns
+    -------
+    int
+        0.
+
+    Raises
+    ------
+    ObstacleDetectionError
+        If rclpy is missing or the node cannot start.
+    """
+    stop = StopSignals()
+    try:
+        with ros(ros_arguments) as warning:
+            _spin(stop, warning)
+    finally:
+        stop.ignore()
+    return 0
+
+
+def _spin(stop: StopSignals, warning: str | None) -> None:
+    # Only now: the transport profile must be set before rclpy is loaded.
+    from rclpy.executors import SingleThreadedExecutor
+
+    from rover_obstacle_detection.node.obstacle_detector import ObstacleDetector
+
+    node = ObstacleDetector()
+    try:
+        if warning is not None:
+            node.get_logger().warning(warning)
+        node.start()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        spinner = Spinner(executor, node.get_logger().error, stop.request)
+        stop.wait()
+        spinner.stop()
+    finally:
+        node.close()
+
+
+class Spinner:
+    """Runs an executor in a thread, through errors in callbacks.
+
+    Parameters
+    ----------
+    executor : rclpy executor
+    log : callable
+        Takes the text of an error.
+    on_end : callable
+        Called when ROS is shut down under it.
+    """
+
+    def __init__(
+        self, executor: Any, log: Callable[[str], object], on_end: Callable[[], None]
+    ) -> None:
+        self._executor = executor
+        self._log = Throttle(log)
+        self._on_end = on_end
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='executor', daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, after the callback that it is at."""
+        self._stopped.set()
+        self._executor.wake()
+        self._thread.join()
+        self._executor.shutdown()
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            if not self._executor.context.ok():
+                self._on_end()
+                return
+            try:
+                self._executor.spin_once()
+            except Exception:
+                # One message that nobody thought of must not take the rover's eyes away.
+                self._log(f'callback failed: {traceback.format_exc()}')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

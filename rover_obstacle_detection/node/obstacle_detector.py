@@ -1,0 +1,262 @@
+"""The lifecycle node that holds inputs, worker and publishers together."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+
+from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.node.calibration import LiveCalibration
+from rover_obstacle_detection.node.diagnostics import NodeState, Status, statuses
+from rover_obstacle_detection.node.gravity_input import GravityInput
+from rover_obstacle_detection.node.inputs import ImagePair, StereoInputs
+from rover_obstacle_detection.node.pairing_watch import PairingWatch
+from rover_obstacle_detection.node.parameters import (
+    current_settings,
+    declare_parameters,
+    judge_change,
+    unknown_parameters,
+)
+from rover_obstacle_detection.node.publishers import OutputPublishers
+from rover_obstacle_detection.node.settings import Settings
+from rover_obstacle_detection.node.statistics import NodeStatistics
+from rover_obstacle_detection.node.throttle import Throttle
+from rover_obstacle_detection.node.worker import DetectionWorker, Sources
+
+NAME = 'obstacle_detector'
+DIAGNOSTICS_PERIOD_S = 1.0
+# After a start or a change, messages on their way are not yet missing.
+GRACE_S = 3.0
+
+
+class ObstacleDetector(LifecycleNode):
+    """Node ``obstacle_detector``.
+
+    Configured, it has its output topics; active, it takes images and detects; both are left
+    again by deactivate and cleanup. All callbacks run in the executor's thread and return at
+    once; detection runs in the worker's.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter given at the start does not fit.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(NAME, **options)
+        self._settings = declare_parameters(self)
+        self.add_on_set_parameters_callback(self._judge_change)
+        self.add_post_set_parameters_callback(self._take_change)
+        logger = self.get_logger()
+        self._warn = Throttle(logger.warning)
+        self._statistics = NodeStatistics()
+        self._calibration = LiveCalibration(
+            self.resolve_topic_name('left/camera_info'),
+            self.resolve_topic_name('right/camera_info'),
+        )
+        self._watch = PairingWatch()
+        self._outputs: OutputPublishers | None = None
+        self._inputs: StereoInputs | None = None
+        self._gravity: GravityInput | None = None
+        self._worker: DetectionWorker | None = None
+        self._active_since_s = 0.0
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        # A steady clock: under use_sim_time the node must be heard of without /clock, too.
+        self._timer = self.create_timer(
+            DIAGNOSTICS_PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        if unknown := unknown_parameters(self):
+            logger.warning(f'parameters that this node does not have: {", ".join(unknown)}')
+
+    def start(self) -> None:
+        """Configure and activate, unless ``autostart`` is false.
+
+        Raises
+        ------
+        ConfigurationError
+            If a transition fails.
+        """
+        if not self._settings.autostart:
+            self.get_logger().info('unconfigured: waiting for a lifecycle manager')
+            return
+        for name, trigger in (
+            ('configure', self.trigger_configure),
+            ('activate', self.trigger_activate),
+        ):
+            if trigger() != TransitionCallbackReturn.SUCCESS:
+                msg = f'the node could not {name} itself: see its log'
+                raise ConfigurationError(msg)
+
+    def close(self) -> None:
+        """End the detection that runs, and take all topics down."""
+        self._deactivate()
+        self._cleanup()
+        self.destroy_node()
+
+    def on_configure(self, state: Any) -> Any:
+        """Lifecycle: make the output topics."""
+        return self._transition(self._configure)
+
+    def on_activate(self, state: Any) -> Any:
+        """Lifecycle: take images and detect."""
+        return self._transition(self._activate)
+
+    def on_deactivate(self, state: Any) -> Any:
+        """Lifecycle: end the detection that runs, take no more images."""
+        return self._transition(self._deactivate)
+
+    def on_cleanup(self, state: Any) -> Any:
+        """Lifecycle: take the output topics down, forget the calibration."""
+        return self._transition(self._cleanup)
+
+    def on_shutdown(self, state: Any) -> Any:
+        """Lifecycle: as deactivate and cleanup."""
+        return self._transition(self._deactivate, self._cleanup)
+
+    def on_error(self, state: Any) -> Any:
+        """Lifecycle: after a failed transition, back to unconfigured."""
+        return self._transition(self._deactivate, self._cleanup)
+
+    def _transition(self, *steps: Callable[[], None]) -> Any:
+        try:
+            for step in steps:
+                step()
+        except Exception:
+            # rclpy says nothing of an exception in a transition.
+            self.get_logger().error(f'transition failed: {traceback.format_exc()}')
+            return TransitionCallbackReturn.ERROR
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure(self) -> None:
+        self._outputs = OutputPublishers(self, self._follow_audience)
+
+    def _activate(self) -> None:
+        assert self._outputs is not None
+        gravity = GravityInput(self, self._settings, self._warn)
+        self._gravity = gravity
+        inputs = StereoInputs(
+            self,
+            self._settings,
+            calibration=self._calibration,
+            statistics=self._statistics,
+            on_pair=self._submit,
+            warn=self._warn,
+        )
+        self._inputs = inputs
+        self._worker = DetectionWorker(
+            Sources(
+                settings=lambda: self._settings,
+                gravity=gravity.at,
+                topics=lambda: inputs.topics,
+            ),
+            calibration=self._calibration,
+            publishers=self._outputs,
+            statistics=self._statistics,
+            warn=self._warn,
+        )
+        self._active_since_s = time.monotonic()
+        self._follow_audience()
+        left, right = inputs.topics
+        self.get_logger().info(
+            f'active, method {self._settings.config.method}: pairs of {left} and {right}'
+        )
+
+    def _deactivate(self) -> None:
+        inputs, self._inputs = self._inputs, None
+        worker, self._worker = self._worker, None
+        gravity, self._gravity = self._gravity, None
+        if inputs is not None:
+            inputs.destroy()
+        if worker is not None:
+            worker.stop()
+        if gravity is not None:
+            gravity.destroy()
+
+    def _cleanup(self) -> None:
+        publishers, self._outputs = self._outputs, None
+        if publishers is not None:
+            publishers.destroy()
+        self._calibration.forget()
+
+    def _follow_audience(self) -> None:
+        if self._inputs is None or self._outputs is None:
+            return
+        if self._outputs.audience:
+            self._inputs.listen()
+        else:
+            self._inputs.rest()
+
+    def _submit(self, pair: ImagePair) -> None:
+        if self._worker is not None:
+            self._worker.submit(pair)
+
+    def _judge_change(self, changes: list[Any]) -> SetParametersResult:
+        return judge_change(self, changes)
+
+    def _take_change(self, changes: list[Any]) -> None:
+        before, self._settings = self._settings, current_settings(self)
+        if self._inputs is not None and _input_settings(before) != _input_settings(self._settings):
+            self._inputs.configure(self._settings)
+        if self._gravity is not None and (
+            _gravity_settings(before) != _gravity_settings(self._settings)
+        ):
+            self._gravity.configure(self._settings)
+
+    def _tick(self) -> None:
+        inputs, gravity = self._inputs, self._gravity
+        now_s = time.monotonic()
+        camera, calibration_problem = self._calibration.state
+        state = NodeState(
+            lifecycle=self._state_machine.current_state[1],
+            listening=inputs is not None and inputs.listening,
+            counts=self._statistics.snapshot(),
+            pairing=None if inputs is None else inputs.pairing,
+            camera=camera,
+            calibration_problem=calibration_problem,
+            pairing_problem='' if inputs is None else self._watch.look(inputs.pairing, now_s),
+            gravity_problem='' if gravity is None else gravity.problem,
+        )
+        self._diagnostics.publish(self._array(statuses(state)))
+        if inputs is None or now_s - self._active_since_s < GRACE_S:
+            return
+        for problem in (state.calibration_problem, state.pairing_problem):
+            if problem:
+                self._warn(problem)
+
+    def _array(self, judged: tuple[Status, ...]) -> DiagnosticArray:
+        array = DiagnosticArray(
+            status=[
+                DiagnosticStatus(
+                    name=f'{self.get_name()}: {status.task}',
+                    hardware_id='stereo camera',
+                    level=bytes([status.level]),
+                    message=status.message,
+                    values=[KeyValue(key=key, value=text) for key, text in status.values.items()],
+                )
+                for status in judged
+            ]
+        )
+        # The node's clock, so that under use_sim_time the stamps are the bag's.
+        array.header.stamp = self.get_clock().now().to_msg()
+        return array
+
+
+def _input_settings(settings: Settings) -> tuple[object, ...]:
+    return settings.tolerance_ns, settings.queue_size, settings.image_transport
+
+
+def _gravity_settings(settings: Settings) -> tuple[object, ...]:
+    config = settings.config
+    return (
+        config.gravity_source,
+        config.camera_height,
+        settings.base_frame,
+        settings.imu_angles_deg,
+    )

@@ -1,0 +1,139 @@
+"""The node's own parameters, and all of them together as one frozen value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rover_obstacle_detection.detection.config import DetectorConfig, ParameterDescription
+from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.rover_mask import RoverMask
+
+IMAGE_TRANSPORTS = ('raw', 'compressed')
+# With approximate_sync and no tolerance the nearest image is taken however far it is.
+NO_LIMIT_NS = 1 << 62
+
+NODE_PARAMETERS = (
+    ParameterDescription(
+        'approximate_sync',
+        False,
+        'Pair left and right images whose stamps differ; else only equal stamps.',
+    ),
+    ParameterDescription(
+        'approximate_sync_tolerance_seconds',
+        0.0,
+        'Largest difference of the stamps of a pair, with approximate_sync (s); 0: no limit.',
+        0.0,
+        10.0,
+    ),
+    ParameterDescription(
+        'queue_size', 5, 'Images of each eye that may wait for their partner.', 1, 100
+    ),
+    ParameterDescription(
+        'image_transport',
+        'raw',
+        'raw: Image on left/image_rect; compressed: CompressedImage on '
+        'left/image_rect/compressed; right alike.',
+        choices=IMAGE_TRANSPORTS,
+    ),
+    ParameterDescription(
+        'base_frame', 'base_link', 'Frame whose z axis is up, for gravity_source tf.'
+    ),
+    *(
+        ParameterDescription(
+            f'imu_{name}',
+            0.0,
+            f'{name.capitalize()} of the IMU frame as seen from the left optical frame, '
+            'as URDF writes rpy, for gravity_source imu (deg).',
+            -180.0,
+            180.0,
+        )
+        for name in ('roll', 'pitch', 'yaw')
+    ),
+    ParameterDescription(
+        'rover_mask',
+        '',
+        'Picture of the size of the left image, not black where it shows the rover itself; '
+        'such pixels are never judged.',
+    ),
+    ParameterDescription(
+        'rover_polygon',
+        '',
+        'Outline of the rover in the left image, [[column, row], ...] in pixels; never judged.',
+    ),
+    ParameterDescription(
+        'autostart', True, 'Configure and activate at the start, without a lifecycle manager.'
+    ),
+)
+# Read once, at the start.
+READ_ONLY = frozenset({'autostart'})
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """All parameters, checked.
+
+    Parameters
+    ----------
+    config : DetectorConfig
+    tolerance_ns : int or None
+        For `StereoPairing`.
+    queue_size : int
+    image_transport : str
+    base_frame : str
+    imu_angles_deg : tuple of float
+        Roll, pitch and yaw of the IMU frame in the left optical frame.
+    rover_mask : RoverMask or None
+    autostart : bool
+    """
+
+    config: DetectorConfig
+    tolerance_ns: int | None
+    queue_size: int
+    image_transport: str
+    base_frame: str
+    imu_angles_deg: tuple[float, float, float]
+    rover_mask: RoverMask | None
+    autostart: bool
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any]) -> Settings:
+        """Check the values of all parameters, single and together.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            What `all_parameters` lists; where one is missing its default is taken.
+
+        Raises
+        ------
+        ConfigurationError
+            Naming the parameter, its value and what was expected.
+        """
+        names = {each.name for each in DetectorConfig.parameters()}
+        config = DetectorConfig(**{name: values[name] for name in names if name in values})
+        own = {each.name: values.get(each.name, each.default) for each in NODE_PARAMETERS}
+        for description in NODE_PARAMETERS:
+            description.check(own[description.name])
+        if not own['base_frame']:
+            msg = "base_frame is '': expected the name of a frame"
+            raise ConfigurationError(msg)
+        tolerance_ns = None
+        if own['approximate_sync']:
+            tolerance_ns = round(own['approximate_sync_tolerance_seconds'] * 1e9) or NO_LIMIT_NS
+        return cls(
+            config=config,
+            tolerance_ns=tolerance_ns,
+            queue_size=own['queue_size'],
+            image_transport=own['image_transport'],
+            base_frame=own['base_frame'],
+            imu_angles_deg=(own['imu_roll'], own['imu_pitch'], own['imu_yaw']),
+            rover_mask=RoverMask.load(own['rover_mask'], own['rover_polygon']),
+            autostart=own['autostart'],
+        )
+
+
+def all_parameters() -> tuple[ParameterDescription, ...]:
+    """List the parameters of the node: the detector's, then its own."""
+    return (*DetectorConfig.parameters(), *NODE_PARAMETERS)

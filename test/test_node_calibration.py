@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import math
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rover_obstacle_detection.node.calibration import LiveCalibration
+
+
+def make_info(*, right: bool = False, fx: float = 100.0, width: int = 64) -> Any:
+    p = [fx, 0, 31.5, 0, 0, fx, 23.5, 0, 0, 0, 1, 0]
+    if right:
+        p[3] = -fx * 0.1
+    roi = SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0)
+    return SimpleNamespace(width=width, height=48, p=p, binning_x=0, binning_y=0, roi=roi)
+
+
+@pytest.fixture
+def calibration() -> LiveCalibration:
+    return LiveCalibration('/left/camera_info', '/right/camera_info')
+
+
+def test_says_which_eye_is_missing(calibration: LiveCalibration) -> None:
+    assert calibration.state[1].endswith(
+        'nothing came on /left/camera_info and /right/camera_info yet'
+    )
+
+    calibration.take(0, make_info())
+
+    camera, problem = calibration.state
+    assert camera is None
+    assert problem == 'no calibration: nothing came on /right/camera_info yet'
+
+
+def test_both_eyes_make_a_camera(calibration: LiveCalibration) -> None:
+    calibration.take(0, make_info())
+    calibration.take(1, make_info(right=True))
+
+    camera, problem = calibration.state
+    assert camera is not None
+    assert (camera.width, camera.fx) == (64, 100.0)
+    assert camera.baseline_m == pytest.approx(0.1)
+    assert problem == ''
+
+
+def test_same_calibration_again_changes_nothing(calibration: LiveCalibration) -> None:
+    calibration.take(0, make_info())
+    calibration.take(1, make_info(right=True))
+    camera, _ = calibration.state
+
+    assert not calibration.take(0, make_info())
+    assert not calibration.take(1, make_info(right=True))
+
+    assert calibration.state[0] is camera
+
+
+def test_other_calibration_is_taken_up(calibration: LiveCalibration) -> None:
+    for side in (0, 1):
+        calibration.take(side, make_info(right=bool(side)))
+    for side in (0, 1):
+        calibration.take(side, make_info(right=bool(side), fx=200.0, width=32))
+
+    camera, _ = calibration.state
+    assert camera is not None
+    assert (camera.width, camera.fx) == (32, 200.0)
+
+
+@pytest.mark.parametrize(
+    ('fx', 'reason'),
+    [(0.0, r'P\[0\] \(fx\) is 0.0'), (math.nan, 'not finite')],
+)
+def test_invalid_calibration_is_named_and_the_next_good_one_taken(
+    calibration: LiveCalibration, fx: float, reason: str
+) -> None:
+    calibration.take(0, make_info())
+    calibration.take(1, make_info(right=True))
+
+    assert calibration.take(0, make_info(fx=fx))
+    assert not calibration.take(0, make_info(fx=fx))
+    camera, problem = calibration.state
+    assert camera is None
+    assert re.search(reason, problem)
+    assert '/left/camera_info' in problem
+
+    calibration.take(0, make_info())
+    assert calibration.state[0] is not None
+
+
+def test_forgotten_calibration_must_come_again(calibration: LiveCalibration) -> None:
+    calibration.take(0, make_info())
+    calibration.take(1, make_info(right=True))
+
+    calibration.forget()
+
+    assert calibration.state[0] is None
+    assert calibration.take(0, make_info())
