@@ -68,4 +68,4 @@ _ZEROS: dict[str, bool | str | float] = {
     'float32': 0.0,
     'float64': 0.0,
 }
-_DTYPES = {'octet': 'uint8', 'byte': 'uint8', 'char': 'uint8'}
+_DTYPES = {'octet': 'int8', 'byte': 'int8', 'char': 'uint8'}

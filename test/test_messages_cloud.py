@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from rover_obstacle_detection.messages.cloud import decode_cloud, encode_cloud
+from rover_obstacle_detection.messages.header import make_header
+from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
+
+FACTORY = RosbagsFactory()
+HEADER = make_header(5, 'left_optical', FACTORY)
+POINTS = np.array([[1.5, -2, 3, 0.25], [4, 5, 6, -0.5], [7, 8, 9, 0]], np.float32)
+
+
+def test_the_bytes_are_what_every_consumer_walks_through():
+    message = encode_cloud(POINTS, HEADER, FACTORY)
+    expected = b''.join(struct.pack('<4f', *point) for point in POINTS)
+    assert message.data.tobytes() == expected
+    assert (message.height, message.width) == (1, 3)
+    assert (message.point_step, message.row_step) == (16, 48)
+    assert message.is_dense is True
+    assert message.is_bigendian is False
+    fields = [(each.name, each.offset, each.datatype, each.count) for each in message.fields]
+    assert fields == [('x', 0, 7, 1), ('y', 4, 7, 1), ('z', 8, 7, 1), ('height', 12, 7, 1)]
+    assert message.header.frame_id == 'left_optical'
+
+
+@pytest.mark.parametrize('count', [0, 1, 3])
+def test_a_cloud_survives_serialisation(count):
+    points = np.repeat(POINTS, 2, axis=0)[::2][:count]
+    message = encode_cloud(points, HEADER, FACTORY)
+    raw = FACTORY.typestore.serialize_cdr(message, message.__msgtype__)
+    again = FACTORY.typestore.deserialize_cdr(raw, message.__msgtype__)
+    decoded = decode_cloud(again)
+    np.testing.assert_array_equal(decoded, points)
+    assert decoded.dtype == np.float32
+    assert decoded.shape == (count, 4)
+
+
+def test_clouds_of_others_are_read_in_spite_of_padding_and_endianness():
+    message = encode_cloud(POINTS, HEADER, FACTORY)
+    padded = np.pad(POINTS.astype('>f4'), ((0, 0), (0, 2)))
+    message.data = padded.reshape(-1).view(np.uint8)
+    message.is_bigendian, message.point_step, message.row_step = True, 24, 72
+    np.testing.assert_array_equal(decode_cloud(message), POINTS)
+
+
+def test_a_field_of_another_type_is_named():
+    message = encode_cloud(POINTS, HEADER, FACTORY)
+    message.fields[1].datatype = 8
+    with pytest.raises(ValueError, match="field 'y' is not float32"):
+        decode_cloud(message)
