@@ -1,0 +1,162 @@
+import cv2
+import numpy as np
+import pytest
+from hand_made import small_detection
+
+from rover_obstacle_detection import pictures
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.obstacles import Obstacle
+
+INSIDE = (38, 37)
+OUTSIDE = (5, 50)
+UNKNOWN = (10, 0)
+
+
+@pytest.mark.parametrize('name', [*pictures.PICTURES, 'overlay'])
+def test_each_picture_lies_on_the_image(name):
+    draw = pictures.PICTURES.get(name, pictures.overlay_picture)
+    picture = draw(small_detection())
+    assert picture.shape == (48, 64, 3)
+    assert picture.dtype == np.uint8
+
+
+@pytest.mark.parametrize('name', [*pictures.PICTURES, 'overlay'])
+def test_each_picture_can_be_drawn_of_nothing_at_all(name):
+    nothing = small_detection(
+        disparity=np.zeros((48, 64), np.float32),
+        height=np.full((48, 64), np.nan, np.float32),
+        roughness=np.full((48, 64), np.nan, np.float32),
+        step=np.full((48, 64), np.nan, np.float32),
+        seeds=np.zeros((48, 64), bool),
+        known=np.zeros((48, 64), bool),
+        mask=np.zeros((48, 64), np.uint8),
+    )
+    draw = pictures.PICTURES.get(name, pictures.overlay_picture)
+    assert draw(nothing).shape == (48, 64, 3)
+
+
+def test_disparity_runs_from_blue_far_to_red_near_and_black_without_a_match():
+    disparity = np.tile(np.linspace(2, 20, 64, dtype=np.float32), (48, 1))
+    disparity[:, 40] = 0
+    picture = pictures.disparity_picture(small_detection(disparity=disparity)).astype(int)
+    blue, _, red = picture[10, 8]
+    assert blue > red
+    blue, _, red = picture[10, 60]
+    assert red > blue
+    assert not picture[:, 40].any()
+
+
+def test_regions_differ_in_hue_and_carry_a_dark_border():
+    detection = small_detection()
+    picture = pictures.regions_picture(detection)
+    hue = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)[..., 0].astype(int)
+    assert abs(hue[INSIDE] - hue[OUTSIDE]) > 20
+    assert np.all(picture[OUTSIDE] == picture[10, 60])
+    assert picture[32, 37].max() < 30
+    assert picture[OUTSIDE].max() > 60
+
+
+def test_a_brighter_region_is_drawn_brighter():
+    grey = np.full((48, 64), 40, np.uint8)
+    grey[32:44, 30:44] = 220
+    picture = pictures.regions_picture(small_detection(grey=grey))
+    assert picture[INSIDE].max() > picture[OUTSIDE].max() + 50
+
+
+def test_seeds_are_teal_and_the_others_orange():
+    seeds = np.ones((48, 64), bool)
+    seeds[:, :10] = False
+    blue, green, red = pictures.seeds_picture(small_detection(seeds=seeds))[5, 30].astype(int)
+    assert min(blue, green) > red + 20
+    blue, green, red = pictures.seeds_picture(small_detection(seeds=seeds))[5, 4].astype(int)
+    assert red > green > blue
+
+
+def test_roughness_and_step_brighten_with_their_sum():
+    step = np.full((48, 64), 0.002, np.float32)
+    step[:, 20:40] = 0.2
+    step[:, 40:] = np.nan
+    picture = pictures.roughness_step_picture(small_detection(step=step)).astype(int)
+    assert picture[5, 30].sum() > picture[5, 10].sum() + 100
+    assert not picture[:, 40:].any()
+
+
+def test_the_mask_tells_obstacle_free_and_unknown_apart():
+    picture = pictures.mask_picture(small_detection())
+    assert tuple(picture[INSIDE]) == (255, 255, 255)
+    assert tuple(picture[OUTSIDE]) == (0, 0, 0)
+    assert tuple(picture[UNKNOWN]) == pictures.DARK_GREY
+
+
+def test_the_overlay_tints_obstacles_and_leaves_free_ground_as_it_is():
+    image = np.zeros((48, 64, 3), np.uint8)
+    image[:] = (60, 90, 120)
+    before = image.copy()
+    picture = pictures.overlay_picture(small_detection(), image).astype(int)
+    assert np.array_equal(image, before)
+    assert tuple(picture[5, 50]) == (60, 90, 120)
+    assert picture[INSIDE][2] > 160
+    assert picture[INSIDE][1] < 90
+
+
+def test_the_overlay_greys_and_hatches_what_nothing_could_judge():
+    image = np.full((48, 64, 3), (60, 90, 120), np.uint8)
+    known = np.ones((48, 64), bool)
+    known[:, 44:] = False
+    nothing = small_detection(known=known, mask=np.zeros((48, 64), np.uint8))
+    unknown = pictures.overlay_picture(nothing, image)[:, 44:]
+    assert np.all(unknown.max(axis=2) == unknown.min(axis=2))
+    assert len(np.unique(unknown)) == 2
+
+
+def test_an_image_of_16_bit_is_replaced_by_the_detections_own_grey_image():
+    deep = np.full((48, 64), 60000, np.uint16)
+    picture = pictures.overlay_picture(small_detection(), deep)
+    assert tuple(picture[5, 50]) == (100, 100, 100)
+
+
+def _obstacle(max_height_m, range_m):
+    nowhere = (0.0, 0.0, 0.0)
+    return Obstacle(0, 0, 5, 5, 25, nowhere, nowhere, max_height_m, range_m)
+
+
+@pytest.mark.parametrize(
+    ('max_height_m', 'range_m', 'label'),
+    [
+        (0.214, 1.38, '21 cm @ 1.4 m'),
+        (0.02, 2.0, '@ 2.0 m'),
+        (-0.3, 2.0, '@ 2.0 m'),
+        (np.nan, 2.0, '@ 2.0 m'),
+        (np.nan, np.nan, 'no 3D'),
+    ],
+)
+def test_label(max_height_m, range_m, label):
+    assert pictures.obstacle_label(_obstacle(max_height_m, range_m), 0.10) == label
+
+
+def _large_detection(mask):
+    shape = mask.shape
+    return small_detection(
+        mask=mask,
+        grey=np.full(shape, 200, np.uint8),
+        disparity=np.full(shape, 5.0, np.float32),
+        height=np.full(shape, 0.3, np.float32),
+        known=np.ones(shape, bool),
+        camera=StereoCamera(shape[1], shape[0], 600.0, 600.0, 319.5, 239.5, 0.1),
+    )
+
+
+def test_an_obstacle_gets_a_label_on_a_dark_ground_above_it():
+    mask = np.zeros((480, 640), np.uint8)
+    mask[200:300, 250:400] = 255
+    above = pictures.overlay_picture(_large_detection(mask))[180:198, 280:370]
+    assert (above == 50).any()
+    assert above.max() > 240
+
+
+def test_a_speck_gets_no_label():
+    mask = np.zeros((480, 640), np.uint8)
+    mask[200:204, 300:304] = 255
+    picture = pictures.overlay_picture(_large_detection(mask))
+    assert np.all(picture[:195] == 200)
+    assert picture[202, 302, 2] > picture[202, 302, 0] + 50
