@@ -89,18 +89,7 @@ def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
         choices=METHODS,
         help='hybrid (the default), or study: the published method as it was written',
     )
-    group.add_argument(
-        '--params', metavar='YAML', type=Path, help='ROS parameter file, as the node takes it'
-    )
-    group.add_argument(
-        '--set',
-        metavar='NAME=VALUE',
-        type=setting,
-        action='append',
-        default=[],
-        dest='settings',
-        help='one parameter, over the parameter file; may be repeated',
-    )
+    add_parameter_arguments(group)
     group.add_argument(
         '--rover-mask',
         metavar='PNG',
@@ -112,6 +101,22 @@ def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='CORNERS',
         default='',
         help='the same as a polygon in pixels, such as [[0,600],[1023,600],[1023,767],[0,767]]',
+    )
+
+
+def add_parameter_arguments(group: argparse._ArgumentGroup) -> None:
+    """Add ``--params`` and ``--set``."""
+    group.add_argument(
+        '--params', metavar='YAML', type=Path, help='ROS parameter file, as the node takes it'
+    )
+    group.add_argument(
+        '--set',
+        metavar='NAME=VALUE',
+        type=setting,
+        action='append',
+        default=[],
+        dest='settings',
+        help='one parameter, over the parameter file; may be repeated',
     )
 
 

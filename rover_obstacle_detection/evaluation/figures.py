@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,68 +140,74 @@ def score(
     true_positives = int(np.count_nonzero(flagged & obstacle))
     predicted = int(np.count_nonzero(flagged & counted))
     actual = int(np.count_nonzero(obstacle))
-    rocks, rocks_found = _rocks(flagged, labels, instances)
-    areas, areas_found = _areas(flagged, labels)
+    rocks, areas = rocks_to_find(labels, instances), areas_to_find(labels)
     return Figures(
         frames=1,
         true_positives=true_positives,
         false_positives=predicted - true_positives,
         false_negatives=actual - true_positives,
         true_negatives=int(np.count_nonzero(counted)) - predicted - actual + true_positives,
-        rocks=rocks,
-        rocks_found=rocks_found,
-        areas=areas,
-        areas_found=areas_found,
-        false_alarms=len(false_alarm_numbers(flagged, labels)[0]),
+        rocks=len(rocks.numbers),
+        rocks_found=int(are_found(rocks, flagged).sum()),
+        areas=len(areas.numbers),
+        areas_found=int(are_found(areas, flagged).sum()),
+        false_alarms=len(false_alarms(flagged, labels).numbers),
     )
 
 
-def false_alarm_numbers(
-    flagged: NDArray[np.bool_], labels: NDArray[np.uint8]
-) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
-    """Find the predicted blobs that are false alarms.
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Numbered parts of an image.
 
-    Returns
-    -------
+    Parameters
+    ----------
     numbers : ndarray of int
-        Of the blobs that are false alarms.
-    blobs : ndarray of int32, shape (height, width)
-        Number of each pixel's blob, 0 where nothing is predicted.
+        Of the parts that are meant.
+    image : ndarray of int, shape (height, width)
+        Number of each pixel's part; also of others.
     """
-    count, blobs = connected(flagged)
-    excused = is_obstacle(labels) | ~is_counted(labels)
-    pixels = np.bincount(blobs.ravel(), minlength=count + 1)
-    excused_pixels = np.bincount(blobs[excused], minlength=count + 1)
-    counted_pixels = np.bincount(blobs[is_counted(labels)], minlength=count + 1)
-    false_alarm = counted_pixels >= MIN_FALSE_ALARM_PIXELS
-    false_alarm &= excused_pixels < MAX_FALSE_ALARM_SHARE * pixels
-    false_alarm[0] = False
-    return np.flatnonzero(false_alarm), blobs
+
+    numbers: NDArray[np.intp]
+    image: NDArray[Any]
 
 
-def _rocks(
-    flagged: NDArray[np.bool_], labels: NDArray[np.uint8], instances: NDArray[np.uint16]
-) -> tuple[int, int]:
-    on_rock = (labels == ROCK) & (instances != 0)
-    return _found(flagged, on_rock, instances, MIN_ROCK_PIXELS)
+def rocks_to_find(labels: NDArray[np.uint8], instances: NDArray[np.uint16]) -> Parts:
+    """Find the rocks that are obstacles and large enough in the image to be looked for."""
+    rocks = np.where(labels == ROCK, instances, 0)
+    return Parts(_large(rocks, MIN_ROCK_PIXELS), rocks)
 
 
-def _areas(flagged: NDArray[np.bool_], labels: NDArray[np.uint8]) -> tuple[int, int]:
-    _, numbers = connected((labels == SLOPE) | (labels == DROP))
-    return _found(flagged, numbers != 0, numbers, MIN_AREA_PIXELS)
+def areas_to_find(labels: NDArray[np.uint8]) -> Parts:
+    """Find the connected areas of slope or drop that are large enough to be looked for."""
+    areas = connected((labels == SLOPE) | (labels == DROP))
+    return Parts(_large(areas, MIN_AREA_PIXELS), areas)
 
 
-def _found(
-    flagged: NDArray[np.bool_],
-    where: NDArray[np.bool_],
-    numbers: NDArray[np.uint16] | NDArray[np.int32],
-    min_pixels: int,
-) -> tuple[int, int]:
-    pixels = np.bincount(numbers[where])
-    flagged_pixels = np.bincount(numbers[where & flagged], minlength=len(pixels))
-    large = pixels >= min_pixels
-    found = large & (flagged_pixels >= MIN_FOUND_SHARE * pixels)
-    return int(large.sum()), int(found.sum())
+def are_found(obstacles: Parts, flagged: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which of the obstacles have at least half of their pixels flagged."""
+    pixels = np.bincount(obstacles.image.ravel())
+    hits = np.bincount(obstacles.image[flagged], minlength=len(pixels))
+    found: NDArray[np.bool_] = (hits >= MIN_FOUND_SHARE * pixels)[obstacles.numbers]
+    return found
+
+
+def false_alarms(flagged: NDArray[np.bool_], labels: NDArray[np.uint8]) -> Parts:
+    """Find the predicted blobs that are false alarms."""
+    blobs = connected(flagged)
+    count = int(blobs.max()) + 1
+    counted = is_counted(labels)
+    pixels = np.bincount(blobs.ravel(), minlength=count)
+    excused = np.bincount(blobs[is_obstacle(labels) | ~counted], minlength=count)
+    alarm = np.bincount(blobs[counted], minlength=count) >= MIN_FALSE_ALARM_PIXELS
+    alarm &= excused < MAX_FALSE_ALARM_SHARE * pixels
+    alarm[0] = False
+    return Parts(np.flatnonzero(alarm), blobs)
+
+
+def _large(parts: NDArray[Any], min_pixels: int) -> NDArray[np.intp]:
+    pixels = np.bincount(parts.ravel())
+    pixels[0] = 0
+    return np.flatnonzero(pixels >= min_pixels)
 
 
 def _ratio(part: int, whole: int) -> float | None:

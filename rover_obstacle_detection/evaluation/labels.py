@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +25,7 @@ def is_obstacle(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return obstacle
 
 
-def connected(area: NDArray[Any]) -> tuple[int, NDArray[np.int32]]:
-    """Give the 8-connected parts of an area numbers from 1 up.
-
-    Returns
-    -------
-    count : int
-        How many parts there are.
-    numbers : ndarray of int32, shape of `area`
-        0 outside.
-    """
-    count, numbers = cv2.connectedComponents(area.astype(np.uint8), connectivity=8)
-    return count - 1, np.asarray(numbers, np.int32)
+def connected(area: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Give the 8-connected parts of an area numbers from 1 up; 0 is outside."""
+    _, numbers = cv2.connectedComponents(area.astype(np.uint8), connectivity=8)
+    return np.asarray(numbers, np.int32)

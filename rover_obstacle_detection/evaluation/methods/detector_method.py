@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -19,14 +18,11 @@ class DetectorMethod:
 
     Parameters
     ----------
-    method : str
-        ``hybrid`` or ``study``.
     config : DetectorConfig
-        Everything else.
     """
 
-    def __init__(self, method: str, config: DetectorConfig) -> None:
-        self._config = replace(config, method=method)
+    def __init__(self, config: DetectorConfig) -> None:
+        self._config = config
         self._detector: Detector | None = None
 
     def detect(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Detection:

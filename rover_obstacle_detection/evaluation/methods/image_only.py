@@ -52,7 +52,8 @@ def cluster_levels(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
     _, _, centres = cv2.kmeans(sample, CLUSTERS, start, criteria, 1, cv2.KMEANS_USE_INITIAL_LABELS)
     levels = np.arange(256, dtype=np.float32)
     nearest = np.abs(levels[:, np.newaxis] - centres.ravel()).argmin(axis=1).astype(np.uint8)
-    return nearest[grey]
+    clusters: NDArray[np.uint8] = nearest[grey]
+    return clusters
 
 
 def edge_zone(grey: NDArray[np.uint8]) -> NDArray[np.bool_]:

@@ -52,7 +52,7 @@ class Listing:
 
 
 def _disparity(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
-    stereo = cv2.StereoSGBM_create(
+    stereo = cv2.StereoSGBM.create(
         minDisparity=0,
         numDisparities=16 * 3,
         blockSize=5,

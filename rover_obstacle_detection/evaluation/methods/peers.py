@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 import sys
 from collections.abc import Iterator
@@ -59,11 +60,7 @@ class Patchwork(GroundFilter):
 
     def __init__(self, config: DetectorConfig) -> None:
         super().__init__(config)
-        try:
-            import pypatchworkpp
-        except ImportError as error:
-            raise MissingExtraError(_missing('patchwork', 'pypatchworkpp')) from error
-        self._library = pypatchworkpp
+        self._library = _library('patchwork', 'pypatchworkpp', 'pypatchworkpp')
 
     def _is_off_ground(self, cloud: NDArray[np.float32], height_m: float) -> NDArray[np.bool_]:
         parameters = self._library.Parameters()
@@ -86,11 +83,7 @@ class Cloth(GroundFilter):
 
     def __init__(self, config: DetectorConfig) -> None:
         super().__init__(config)
-        try:
-            import CSF
-        except ImportError as error:
-            raise MissingExtraError(_missing('cloth', 'cloth-simulation-filter')) from error
-        self._library = CSF
+        self._library = _library('cloth', 'CSF', 'cloth-simulation-filter')
 
     def _is_off_ground(self, cloud: NDArray[np.float32], height_m: float) -> NDArray[np.bool_]:
         ground, off = self._library.VecInt(), self._library.VecInt()
@@ -108,11 +101,15 @@ class Cloth(GroundFilter):
         return off_ground
 
 
-def _missing(method: str, library: str) -> str:
-    return (
-        f'method {method} needs {library}, which is not installed: '
-        "pip install 'rover_obstacle_detection[peers]'"
-    )
+def _library(method: str, module: str, package: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        msg = (
+            f'method {method} needs {package}, which is not installed: '
+            "pip install 'rover_obstacle_detection[peers]'"
+        )
+        raise MissingExtraError(msg) from error
 
 
 @contextlib.contextmanager

@@ -1,10 +1,10 @@
-"""The methods that can be compared, by name."""
+"""The methods that can be compared, made by name."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
@@ -16,46 +16,19 @@ from rover_obstacle_detection.evaluation.methods.method import Method
 from rover_obstacle_detection.evaluation.methods.peers import Cloth, Patchwork
 from rover_obstacle_detection.evaluation.methods.wang import Wang
 
-
-@dataclass(frozen=True)
-class MethodEntry:
-    """A method that can be asked for by name.
-
-    Parameters
-    ----------
-    make : callable
-        Takes the configuration, gives the method.
-    description : str
-        One line for a table.
-    has_clearance : bool
-        Whether ``max_step`` decides what it flags, so that a curve over it means something.
-    """
-
-    make: Callable[[DetectorConfig], Method]
-    description: str
-    has_clearance: bool
-
-
-METHODS = {
-    'hybrid': MethodEntry(
-        lambda config: DetectorMethod('hybrid', config), "this package's default", True
-    ),
-    'study': MethodEntry(
-        lambda config: DetectorMethod('study', config),
-        "the study's method, its errors mended",
-        False,
-    ),
-    'listing': MethodEntry(
-        lambda config: Listing(), "the study's listing, repaired only to run", False
-    ),
-    'wang': MethodEntry(Wang, "Wang et al.'s sparse pipeline (study, 4.1)", True),
-    'image_only': MethodEntry(
-        lambda config: ImageOnly(), '2D only: Canny edges and k-means regions', False
-    ),
-    'depth_only': MethodEntry(DepthOnly, '3D only: robust ground plane plus height', True),
-    'patchwork': MethodEntry(Patchwork, 'Patchwork++ on the stereo cloud', True),
-    'cloth': MethodEntry(Cloth, 'cloth simulation filter on the stereo cloud', True),
+METHODS: dict[str, Callable[[DetectorConfig], Method]] = {
+    'hybrid': lambda config: DetectorMethod(replace(config, method='hybrid')),
+    'study': lambda config: DetectorMethod(replace(config, method='study')),
+    'listing': lambda config: Listing(),
+    'wang': Wang,
+    'image_only': lambda config: ImageOnly(),
+    'depth_only': DepthOnly,
+    'patchwork': Patchwork,
+    'cloth': Cloth,
 }
+
+USE_CLEARANCE = ('hybrid', 'wang', 'depth_only', 'patchwork', 'cloth')
+"""Methods that ``max_step`` decides of, so that a curve over it means something."""
 
 
 def make_method(name: str, config: DetectorConfig | None = None) -> Method:
@@ -73,4 +46,4 @@ def make_method(name: str, config: DetectorConfig | None = None) -> Method:
         hint = f' (did you mean {near[0]}?)' if near else ''
         msg = f'method is {name!r}: expected one of {", ".join(METHODS)}{hint}'
         raise ConfigurationError(msg)
-    return METHODS[name].make(config or DetectorConfig())
+    return METHODS[name](config or DetectorConfig())

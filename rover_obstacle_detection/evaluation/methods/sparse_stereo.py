@@ -196,4 +196,4 @@ def _correlation(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[n
     mean_a, mean_b = mean(a), mean(b)
     covariance = mean(a * b) - mean_a * mean_b
     variance = (mean(a * a) - mean_a**2) * (mean(b * b) - mean_b**2)
-    return covariance / np.sqrt(np.maximum(variance, 1.0))
+    return np.asarray(covariance / np.sqrt(np.maximum(variance, 1.0)), np.float32)

@@ -1,0 +1,239 @@
+"""``rover-obstacles evaluate``: figures of one or more methods over labelled bags."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rover_obstacle_detection.cli.arguments import (
+    add_calibration_arguments,
+    add_parameter_arguments,
+    detector_config,
+    positive_int,
+)
+from rover_obstacle_detection.cli.console import progress_bars, report_error
+from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+    from rover_obstacle_detection.detection.config import DetectorConfig
+    from rover_obstacle_detection.evaluate import BagOptions
+    from rover_obstacle_detection.evaluation.results import Evaluation
+    from rover_obstacle_detection.evaluation.tables import Table as TextTable
+
+DESCRIPTION = """\
+Compare detectors with the labels of labelled bags: pixels, obstacles found, false alarms, time.
+
+A labelled bag holds, beside the stereo images, /truth/labels on the same stamps (mono8: 0 free,
+1 rock, 2 slope, 3 drop, 255 not counted), and may hold /truth/instances (mono16: 0 ground, 1 and
+up the rock's number) and /truth/depth (32FC1, metres along the optical axis).
+
+methods:
+"""
+EPILOG = """\
+examples:
+  rover-obstacles evaluate bags/mars_yard
+  rover-obstacles evaluate suite/reporting_* --method all --report report.html --json figures.json
+  rover-obstacles evaluate bag/ --method hybrid --method study --set max_step=0.15
+"""
+ALL = 'all'
+METHOD_LINES = ''.join(f'  {name:11} {text}\n' for name, text in METHOD_DESCRIPTIONS.items())
+WORST_PICTURES = 10
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        'evaluate',
+        help='figures of one or more methods over labelled bags',
+        description=DESCRIPTION + METHOD_LINES,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        'bags',
+        nargs='+',
+        metavar='BAG',
+        type=Path,
+        help='labelled bag: rosbag2 folder or file (.mcap, .db3), or rosbag1 file (.bag)',
+    )
+    parser.add_argument(
+        '--method',
+        action='append',
+        choices=(*METHOD_DESCRIPTIONS, ALL),
+        dest='methods',
+        help='may be repeated; all: every one that is installed (default: hybrid)',
+    )
+    _add_input_arguments(parser)
+    add_parameter_arguments(parser.add_argument_group('parameters of the methods'))
+    _add_output_arguments(parser)
+    parser.set_defaults(run=run)
+
+
+def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group('input')
+    for side in ('left', 'right'):
+        group.add_argument(
+            f'--{side}-topic',
+            metavar='TOPIC',
+            help=f'{side} image topic (default: found by its name)',
+        )
+    group.add_argument(
+        '--labels-topic',
+        metavar='TOPIC',
+        help='instances and depth are looked for beside it (default: the one called truth/labels)',
+    )
+    add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
+    group.add_argument(
+        '--every', metavar='N', type=positive_int, default=1, help='take every N-th pair only'
+    )
+    group.add_argument(
+        '--condition',
+        metavar='NAME',
+        action='append',
+        default=[],
+        dest='conditions',
+        help='condition of all the bags; may be repeated (default: as the bag says, or from its '
+        'name: reporting_03_low_sun is low_sun)',
+    )
+
+
+def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group('output')
+    group.add_argument('--json', metavar='FILE', type=Path, help='write every figure here')
+    group.add_argument(
+        '--report',
+        metavar='FILE',
+        type=Path,
+        help='write an HTML page with plots and pictures of the worst frames; it runs the methods '
+        'at other clearances, too (extra report)',
+    )
+    group.add_argument('--force', action='store_true', help='replace files that exist')
+    group.add_argument(
+        '--repeat',
+        metavar='N',
+        type=positive_int,
+        default=1,
+        help='calls of each method on each frame, of which the median time counts (default: 1)',
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Evaluate the bags, and print the tables."""
+    from rover_obstacle_detection.evaluate import evaluate_bags
+    from rover_obstacle_detection.evaluation.runner import RunOptions
+    from rover_obstacle_detection.summary import write_json
+
+    config = detector_config(argparse.Namespace(**{**vars(arguments), 'method': None}))
+    _check_outputs(arguments)
+    options = RunOptions(
+        methods=_methods(arguments.methods or ['hybrid'], config),
+        config=config,
+        repeat=arguments.repeat,
+        curve=arguments.report is not None,
+        worst_pictures=WORST_PICTURES if arguments.report else 0,
+    )
+    with progress_bars([bag.name for bag in arguments.bags], 'frames') as on_progress:
+        evaluation, errors = evaluate_bags(
+            arguments.bags, options, _bag_options(arguments), on_progress
+        )
+    for line in (*evaluation.problems, *errors):
+        report_error(line)
+    if evaluation.scenes:
+        _print_tables(evaluation)
+    if evaluation.scenes and arguments.json:
+        from rover_obstacle_detection.evaluation_json import evaluation_json
+
+        write_json(arguments.json, evaluation_json(evaluation, config))
+        print(f'figures: {arguments.json}')
+    if evaluation.scenes and arguments.report:
+        from rover_obstacle_detection.evaluation_report import evaluation_html
+
+        arguments.report.write_text(evaluation_html(evaluation, config), encoding='utf-8')
+        print(f'report: {arguments.report}')
+    return 1 if errors else 0
+
+
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """Refuse before the work what would fail after it."""
+    from rover_obstacle_detection.errors import OutputError
+    from rover_obstacle_detection.report.extra import require_report_libraries
+
+    if arguments.report:
+        require_report_libraries()
+    for path in (arguments.json, arguments.report):
+        if path is None:
+            continue
+        if path.is_dir() or not path.absolute().parent.is_dir():
+            msg = f'cannot write {path}: expected a file in a folder that exists'
+            raise OutputError(msg)
+        if path.exists() and not arguments.force:
+            msg = f'{path} exists: give --force to replace it'
+            raise OutputError(msg)
+
+
+def _methods(asked: Sequence[str], config: DetectorConfig) -> Sequence[str]:
+    """Put ``all`` into names, without those whose library is missing."""
+    from rover_obstacle_detection.errors import MissingExtraError
+    from rover_obstacle_detection.evaluation.methods.registry import make_method
+
+    if ALL not in asked:
+        return tuple(dict.fromkeys(asked))
+    installed = []
+    for name in METHOD_DESCRIPTIONS:
+        try:
+            make_method(name, config)
+            installed.append(name)
+        except MissingExtraError as error:
+            report_error(f'left out: {error}')
+    return installed
+
+
+def _bag_options(arguments: argparse.Namespace) -> BagOptions:
+    from rover_obstacle_detection.evaluate import BagOptions
+
+    calibration = (arguments.left_info, arguments.right_info)
+    if any(calibration) and not all(calibration):
+        given, missing = ('left', 'right') if arguments.left_info else ('right', 'left')
+        msg = f'--{given}-info is given without --{missing}-info: expected both or none'
+        raise argparse.ArgumentTypeError(msg)
+    return BagOptions(
+        left_topic=arguments.left_topic,
+        right_topic=arguments.right_topic,
+        labels_topic=arguments.labels_topic,
+        calibration=calibration if all(calibration) else None,
+        every=arguments.every,
+        conditions=arguments.conditions,
+    )
+
+
+def _print_tables(evaluation: Evaluation) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from rover_obstacle_detection.evaluation.tables import (
+        condition_table,
+        method_table,
+        scene_table,
+    )
+
+    console = Console(highlight=False)
+    for method in evaluation.methods:
+        tables = [scene_table(evaluation, method)]
+        if len(evaluation.conditions) > 1:
+            tables.append(condition_table(evaluation, method))
+        for each in tables:
+            console.print(_rich(each, Table(title=each.title, title_justify='left')))
+    overall = method_table(evaluation)
+    console.print(_rich(overall, Table(title=overall.title, title_justify='left')))
+
+
+def _rich(table: TextTable, into: RichTable) -> RichTable:
+    for index, name in enumerate(table.header):
+        into.add_column(name, justify='right' if index else 'left', overflow='fold')
+    for row in table.rows:
+        into.add_row(*row)
+    return into

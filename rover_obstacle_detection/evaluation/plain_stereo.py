@@ -1,0 +1,33 @@
+"""The yardstick of every time: one plain SGBM call."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import cv2
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.image import grey_pair
+
+
+def plain_stereo_seconds(camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> float:
+    """Time SGBM (3WAY, 64 disparities, block 5, P1 300, P2 1200) on the grey pair, seconds."""
+    grey_left, grey_right = grey_pair(left, right, camera)
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=0,
+        numDisparities=64,
+        blockSize=5,
+        P1=300,
+        P2=1200,
+        disp12MaxDiff=1,
+        preFilterCap=63,
+        uniquenessRatio=8,
+        speckleWindowSize=50,
+        speckleRange=2,
+        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    )
+    started = time.perf_counter()
+    matcher.compute(grey_left, grey_right)
+    return time.perf_counter() - started

@@ -1,0 +1,181 @@
+"""What came out of running methods over labelled scenes."""
+
+from __future__ import annotations
+
+import functools
+import operator
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rover_obstacle_detection.evaluation.distributions import TerrainDistributions
+from rover_obstacle_detection.evaluation.figures import Figures
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """One method on one frame.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    figures : Figures
+    seconds : float
+        The method's time.
+    plain_seconds : float
+        Time of one plain SGBM call on the same pair.
+    """
+
+    stamp_ns: int
+    figures: Figures
+    seconds: float
+    plain_seconds: float
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Hits, misses and false positives of one method in one frame, as a JPEG file."""
+
+    method: str
+    scene: str
+    stamp_ns: int
+    figures: Figures
+    jpeg: bytes = field(repr=False)
+
+    @property
+    def wrongness(self) -> tuple[float, float]:
+        """Order of how bad it looks: obstacles missed and invented, then the overlap."""
+        figures = self.figures
+        missed = figures.obstacles - figures.obstacles_found
+        return missed + figures.false_alarms, 1 - (figures.iou if figures.iou is not None else 1)
+
+
+@dataclass(frozen=True)
+class SceneResult:
+    """One method on all frames of one scene."""
+
+    method: str
+    scene: str
+    conditions: tuple[str, ...]
+    frames: tuple[FrameResult, ...]
+    by_range: tuple[Figures, ...] = ()
+
+    @property
+    def figures(self) -> Figures:
+        """Pooled over the frames."""
+        return total(frame.figures for frame in self.frames)
+
+    @property
+    def median_seconds(self) -> float:
+        """Of one frame."""
+        return statistics.median(frame.seconds for frame in self.frames)
+
+    @property
+    def times_plain(self) -> float:
+        """Median time over that of one plain SGBM call."""
+        return self.median_seconds / statistics.median(
+            frame.plain_seconds for frame in self.frames
+        )
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All methods on all scenes.
+
+    Parameters
+    ----------
+    scenes : tuple of SceneResult
+    curves : mapping of str to mapping of float to Figures
+        Of each method with a clearance: pooled figures by ``max_step``.
+    distributions : mapping of str to TerrainDistributions
+        Of each method that measures terrain.
+    pictures : tuple of Picture
+        The worst frames of each method.
+    problems : tuple of str
+        What could not be used, a line each.
+    """
+
+    scenes: tuple[SceneResult, ...] = ()
+    curves: Mapping[str, Mapping[float, Figures]] = field(default_factory=dict)
+    distributions: Mapping[str, TerrainDistributions] = field(default_factory=dict)
+    pictures: tuple[Picture, ...] = ()
+    problems: tuple[str, ...] = ()
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """In the order in which they were asked for."""
+        return tuple(dict.fromkeys(result.method for result in self.scenes))
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """In alphabetical order."""
+        return tuple(sorted({name for result in self.scenes for name in result.conditions}))
+
+    def of(self, method: str, condition: str | None = None) -> tuple[SceneResult, ...]:
+        """Results of a method, of all scenes or of those under a condition."""
+        return tuple(
+            result
+            for result in self.scenes
+            if result.method == method and (condition is None or condition in result.conditions)
+        )
+
+    def by_range(self, method: str) -> tuple[Figures, ...]:
+        """Figures of a method by distance, pooled; empty without depth."""
+        known = [result.by_range for result in self.of(method) if result.by_range]
+        return tuple(total(spans) for spans in zip(*known, strict=True))
+
+
+def total(figures: Iterable[Figures]) -> Figures:
+    """Pool figures."""
+    return functools.reduce(operator.add, figures, Figures())
+
+
+def mean_iou(results: Sequence[SceneResult]) -> float | None:
+    """Mean over the scenes with obstacles of their pooled IoU; None if none has any."""
+    values = [
+        result.figures.iou
+        for result in results
+        if result.figures.obstacle_pixels and result.figures.iou is not None
+    ]
+    return statistics.fmean(values) if values else None
+
+
+def worst_condition(evaluation: Evaluation, method: str) -> tuple[str, float] | None:
+    """Find the condition with the lowest mean IoU."""
+    known = [
+        (condition, value)
+        for condition in evaluation.conditions
+        if (value := mean_iou(evaluation.of(method, condition))) is not None
+    ]
+    return min(known, key=lambda each: each[1], default=None)
+
+
+def merged(evaluations: Iterable[Evaluation], worst_pictures: int) -> Evaluation:
+    """Put evaluations of different scenes together, keeping each method's worst pictures."""
+    parts = list(evaluations)
+    curves: dict[str, dict[float, Figures]] = {}
+    distributions: dict[str, TerrainDistributions] = {}
+    for part in parts:
+        for method, curve in part.curves.items():
+            sums = curves.setdefault(method, {})
+            for max_step_m, figures in curve.items():
+                sums[max_step_m] = sums.get(max_step_m, Figures()) + figures
+        for method, both in part.distributions.items():
+            known = distributions.get(method)
+            distributions[method] = both if known is None else known + both
+    return Evaluation(
+        scenes=tuple(result for part in parts for result in part.scenes),
+        curves=curves,
+        distributions=distributions,
+        pictures=worst([picture for part in parts for picture in part.pictures], worst_pictures),
+        problems=tuple(problem for part in parts for problem in part.problems),
+    )
+
+
+def worst(pictures: Sequence[Picture], count: int) -> tuple[Picture, ...]:
+    """Keep the worst pictures of each method, worst first."""
+    kept: list[Picture] = []
+    for method in dict.fromkeys(picture.method for picture in pictures):
+        own = [picture for picture in pictures if picture.method == method]
+        kept += sorted(own, key=lambda picture: picture.wrongness, reverse=True)[:count]
+    return tuple(kept)

@@ -1,0 +1,194 @@
+"""Tables of an evaluation, as text: for the terminal, a report and the documentation alike."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rover_obstacle_detection.evaluation.distributions import Distribution
+from rover_obstacle_detection.evaluation.ranges import span_names
+from rover_obstacle_detection.evaluation.results import (
+    Evaluation,
+    SceneResult,
+    mean_iou,
+    total,
+    worst_condition,
+)
+
+NONE = '-'
+FIGURE_HEADER = ('mean IoU', 'precision', 'recall', 'F1', 'obstacles', 'false alarms')
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under a header; the first column is left-aligned, the others right."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def as_markdown(self) -> str:
+        """Return the table in Markdown, without the title."""
+        rule = ['---', *('---:' for _ in self.header[1:])]
+        lines = (self.header, rule, *self.rows)
+        return '\n'.join(f'| {" | ".join(cells)} |' for cells in lines) + '\n'
+
+
+def method_table(evaluation: Evaluation) -> Table:
+    """All scenes together, a row a method."""
+    rows = []
+    for method in evaluation.methods:
+        results = evaluation.of(method)
+        worst = worst_condition(evaluation, method)
+        rows.append(
+            (
+                method,
+                *_figures(results),
+                NONE if worst is None else f'{worst[1]:.3f} {worst[0]}',
+                f'{1000 * statistics.fmean(each.median_seconds for each in results):.0f}',
+                f'{statistics.fmean(each.times_plain for each in results):.2f}',
+            )
+        )
+    header = ('method', *FIGURE_HEADER, 'worst condition (IoU)', 'ms', 'x SGBM')
+    return Table('All scenes', header, rows)
+
+
+def condition_table(evaluation: Evaluation, method: str) -> Table:
+    """One method, a row a condition."""
+    rows = []
+    for condition in evaluation.conditions:
+        results = evaluation.of(method, condition)
+        rows.append((condition, str(len(results)), *_figures(results)))
+    return Table(f'{method} by condition', ('condition', 'scenes', *FIGURE_HEADER), rows)
+
+
+def condition_ious(evaluation: Evaluation) -> Table:
+    """Mean IoU, a row a condition and a column a method."""
+    rows = [
+        (
+            condition,
+            *(
+                _number(mean_iou(evaluation.of(method, condition)))
+                for method in evaluation.methods
+            ),
+        )
+        for condition in evaluation.conditions
+    ]
+    return Table('Mean IoU by condition', ('condition', *evaluation.methods), rows)
+
+
+def condition_obstacles(evaluation: Evaluation) -> Table:
+    """Obstacles found and false alarms a frame, a row a condition and a column a method."""
+    rows = [
+        (
+            condition,
+            *(
+                _found_and_alarms(evaluation.of(method, condition))
+                for method in evaluation.methods
+            ),
+        )
+        for condition in evaluation.conditions
+    ]
+    title = 'Obstacles found / there, and false alarms a frame, by condition'
+    return Table(title, ('condition', *evaluation.methods), rows)
+
+
+def scene_table(evaluation: Evaluation, method: str) -> Table:
+    """One method, a row a scene."""
+    rows = [
+        (
+            result.scene,
+            str(len(result.frames)),
+            *_figures([result]),
+            f'{1000 * result.median_seconds:.0f}',
+            f'{result.times_plain:.2f}',
+        )
+        for result in evaluation.of(method)
+    ]
+    header = ('scene', 'frames', 'IoU', *FIGURE_HEADER[1:], 'ms', 'x SGBM')
+    return Table(f'{method} by scene', header, rows)
+
+
+def range_table(evaluation: Evaluation, method: str) -> Table | None:
+    """One method, a row a distance; None without depth."""
+    rows = [
+        (
+            name,
+            _number(figures.iou),
+            _number(figures.precision),
+            _number(figures.recall),
+            f'{figures.obstacles_found}/{figures.obstacles}',
+            str(figures.false_alarms),
+        )
+        for name, figures in zip(span_names(), evaluation.by_range(method), strict=False)
+        if figures.frames
+    ]
+    header = ('distance', 'IoU', 'precision', 'recall', 'obstacles', 'false alarms')
+    return Table(f'{method} by distance', header, rows) if rows else None
+
+
+def distribution_table(
+    evaluation: Evaluation, max_roughness_m: float, max_step_m: float
+) -> Table | None:
+    """Roughness and step on free ground and obstacles; None where none was measured."""
+    rows = []
+    for method, both in evaluation.distributions.items():
+        for name, distribution, threshold_m in (
+            ('roughness', both.roughness, max_roughness_m),
+            ('step', both.step, max_step_m),
+        ):
+            over_free, over_obstacle = distribution.share_over(threshold_m)
+            rows.append(
+                (
+                    f'{method}: {name}',
+                    _spread_mm(distribution, on_obstacles=False),
+                    _spread_mm(distribution, on_obstacles=True),
+                    _number(distribution.separation),
+                    f'{1000 * threshold_m:g} mm',
+                    _percent(over_free),
+                    _percent(over_obstacle),
+                )
+            )
+    header = (
+        'measure',
+        'free ground 10/50/90 % (mm)',
+        'obstacles 10/50/90 % (mm)',
+        'separation',
+        'threshold',
+        'free over it',
+        'obstacles over it',
+    )
+    return Table('Terrain measures of a window', header, rows) if rows else None
+
+
+def _figures(results: Sequence[SceneResult]) -> tuple[str, ...]:
+    pooled = total(result.figures for result in results)
+    return (
+        _number(mean_iou(results)),
+        _number(pooled.precision),
+        _number(pooled.recall),
+        _number(pooled.f1),
+        f'{pooled.obstacles_found}/{pooled.obstacles}',
+        _number(pooled.false_alarms_per_frame, 2),
+    )
+
+
+def _found_and_alarms(results: Sequence[SceneResult]) -> str:
+    pooled = total(result.figures for result in results)
+    alarms = _number(pooled.false_alarms_per_frame, 1)
+    return f'{pooled.obstacles_found}/{pooled.obstacles}, {alarms}'
+
+
+def _spread_mm(distribution: Distribution, *, on_obstacles: bool) -> str:
+    counts = distribution.obstacle if on_obstacles else distribution.free
+    values = [distribution.quantile(counts, share) for share in (0.1, 0.5, 0.9)]
+    return ' / '.join(NONE if value is None else f'{1000 * value:.2g}' for value in values)
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    return NONE if value is None else f'{value:.{digits}f}'
+
+
+def _percent(value: float | None) -> str:
+    return NONE if value is None else f'{100 * value:.0f} %'

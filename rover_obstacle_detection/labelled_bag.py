@@ -1,0 +1,160 @@
+"""Labelled frames out of a recording: stereo pairs with the truth of the same stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.bags.reader import BagReader
+from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs
+from rover_obstacle_detection.errors import BagError, ImageError
+from rover_obstacle_detection.evaluation.frame import LabelledFrame
+from rover_obstacle_detection.evaluation.labels import (
+    DROP,
+    FREE,
+    NOT_COUNTED,
+    ROCK,
+    SLOPE,
+    connected,
+)
+from rover_obstacle_detection.messages.image import decode_any_image, decode_float_image
+
+LABELS = 'truth/labels'
+INSTANCES = 'truth/instances'
+DEPTH = 'truth/depth'
+IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+LABEL_VALUES = (FREE, ROCK, SLOPE, DROP, NOT_COUNTED)
+
+
+@dataclass(frozen=True)
+class TruthTopics:
+    """Where a recording holds its truth; without instances, connected rock pixels are one rock."""
+
+    labels: str
+    instances: str | None
+    depth: str | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All that there are."""
+        return tuple(name for name in (self.labels, self.instances, self.depth) if name)
+
+
+def find_truth_topics(bag: BagReader, labels: str | None = None) -> TruthTopics:
+    """Find ``truth/labels``, and ``instances`` and ``depth`` beside it.
+
+    Parameters
+    ----------
+    bag : BagReader
+    labels : str, optional
+        The labels' topic where it is called something else.
+
+    Raises
+    ------
+    BagError
+        If there are no labels, or more than one topic that may be them.
+    """
+    if labels is None:
+        found = [name for name in sorted(bag.topics) if _ends_in(name, LABELS)]
+        if len(found) != 1:
+            held = ', '.join(found or sorted(bag.topics)) or 'nothing'
+            what = f'{len(found)} topics of labels' if found else f'no topic {LABELS}'
+            msg = f'{bag.path}: {what}: it holds {held}; choose one with --labels-topic'
+            raise BagError(msg)
+        labels = found[0]
+    if bag.topics.get(labels) not in IMAGE_TYPES:
+        there = bag.topics.get(labels, 'not there')
+        msg = f'{bag.path}: topic {labels} is {there}: expected {IMAGE_TYPES[0]}'
+        raise BagError(msg)
+    beside = labels.rpartition('/')[0]
+    instances, depth = (
+        name if (name := f'{beside}/{own.rpartition("/")[2]}') in bag.topics else None
+        for own in (INSTANCES, DEPTH)
+    )
+    return TruthTopics(labels, instances, depth)
+
+
+def read_labelled(pairs: StereoPairs, truth: TruthTopics) -> Iterator[LabelledFrame | BadFrame]:
+    """Read the pairs that have labels; one without, or with labels that do not fit, is bad.
+
+    Parameters
+    ----------
+    pairs : StereoPairs
+        Made with the truth's topics as its extra ones.
+    truth : TruthTopics
+    """
+    for pair in pairs:
+        if isinstance(pair, BadFrame):
+            yield pair
+            continue
+        try:
+            yield _labelled(pair, truth)
+        except ImageError as error:
+            yield BadFrame(pair.stamp_ns, truth.labels, str(error))
+
+
+def _labelled(pair: StereoPair, truth: TruthTopics) -> LabelledFrame:
+    labels = _decoded(pair, truth.labels)
+    if labels is None:
+        msg = f'{truth.labels}: no labels with the stamp of the pair'
+        raise ImageError(msg)
+    _check_labels(labels, truth.labels)
+    instances = _decoded(pair, truth.instances)
+    depth_m = _depth(pair, truth.depth)
+    return LabelledFrame(
+        stamp_ns=pair.stamp_ns,
+        camera=pair.camera,
+        left=pair.left,
+        right=pair.right,
+        labels=labels,
+        instances=_rock_numbers(labels) if instances is None else instances.astype(np.uint16),
+        depth_m=depth_m,
+    )
+
+
+def _decoded(pair: StereoPair, topic: str | None) -> NDArray[Any] | None:
+    if topic is None or topic not in pair.extras:
+        return None
+    image = decode_any_image(pair.extras[topic], topic)
+    _check_shape(image, pair, topic)
+    return image
+
+
+def _depth(pair: StereoPair, topic: str | None) -> NDArray[np.float32] | None:
+    if topic is None or topic not in pair.extras:
+        return None
+    depth_m = decode_float_image(pair.extras[topic], topic)
+    _check_shape(depth_m, pair, topic)
+    return depth_m
+
+
+def _check_shape(image: NDArray[Any], pair: StereoPair, topic: str) -> None:
+    if image.shape != pair.left.shape[:2]:
+        height, width = pair.left.shape[:2]
+        shape = ' x '.join(str(size) for size in image.shape[1::-1] + image.shape[2:])
+        msg = f'{topic} is {shape}, the left image {width} x {height}: expected the same size'
+        raise ImageError(msg)
+
+
+def _check_labels(labels: NDArray[Any], topic: str) -> None:
+    expected = f'expected mono8 with {", ".join(map(str, LABEL_VALUES))}'
+    if labels.dtype != np.uint8:
+        msg = f'{topic} has type {labels.dtype}: {expected}'
+        raise ImageError(msg)
+    values = np.flatnonzero(np.bincount(labels.ravel()))
+    unknown = np.setdiff1d(values, LABEL_VALUES)
+    if unknown.size:
+        msg = f'{topic} has the value {unknown[0]}: {expected}'
+        raise ImageError(msg)
+
+
+def _rock_numbers(labels: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    return connected(labels == ROCK).astype(np.uint16)
+
+
+def _ends_in(topic: str, name: str) -> bool:
+    return f'/{topic}'.endswith(f'/{name}')

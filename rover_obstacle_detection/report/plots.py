@@ -1,0 +1,175 @@
+"""Plots as SVG files, without a screen and without a state of their own."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rover_obstacle_detection.report.extra import report_library
+
+COLOURS = (
+    '#d1495b',
+    '#2e4057',
+    '#edae49',
+    '#00798c',
+    '#8d6a9f',
+    '#6a994e',
+    '#8c5e3c',
+    '#7a7f87',
+)
+SIZE_INCHES = (5.6, 3.9)
+_STYLE = {
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.grid': True,
+    'axes.axisbelow': True,
+    'grid.color': '#e3e6ea',
+    'font.size': 10,
+    'legend.frameon': False,
+    'svg.hashsalt': 'rover',
+}
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a plot; points whose x or y is None are left out.
+
+    Parameters
+    ----------
+    label : str
+    x, y : sequence of float or None
+    marked : int, optional
+        Index of a point to stress.
+    """
+
+    label: str
+    x: Sequence[float | None]
+    y: Sequence[float | None]
+    marked: int | None = None
+
+
+def line_plot(
+    lines: Sequence[Line],
+    x_label: str,
+    y_label: str,
+    *,
+    x_names: Sequence[str] = (),
+    y_limits: tuple[float, float] | None = None,
+) -> bytes:
+    """Draw lines with markers.
+
+    Parameters
+    ----------
+    lines : sequence of Line
+    x_label, y_label : str
+    x_names : sequence of str
+        Names of x = 0, 1, 2 ... where x counts something.
+    y_limits : tuple of float, optional
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+
+    def paint(axes: Any) -> None:
+        for index, line in enumerate(lines):
+            _draw_line(axes, line, COLOURS[index % len(COLOURS)], is_first=index == 0)
+        if x_names:
+            axes.set_xticks(range(len(x_names)), x_names, rotation=35, ha='right')
+        if y_limits:
+            axes.set_ylim(*y_limits)
+        axes.legend(fontsize=8)
+
+    return _draw(x_label, y_label, paint)
+
+
+def distribution_plot(
+    edges: Sequence[float],
+    shares: Sequence[tuple[str, Sequence[float]]],
+    threshold: float,
+    x_label: str,
+) -> bytes:
+    """Draw histograms over a logarithmic axis, and a threshold as a line.
+
+    Parameters
+    ----------
+    edges : sequence of float
+        Of the spans, all over 0.
+    shares : sequence of (str, sequence of float)
+        Name, and share of each span.
+    threshold : float
+    x_label : str
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+
+    def paint(axes: Any) -> None:
+        for index, (label, values) in enumerate(shares):
+            colour = COLOURS[(index + 1) % 2]
+            axes.stairs(values, edges, fill=True, alpha=0.45, color=colour, label=label)
+        axes.axvline(threshold, color='black', linestyle='--', linewidth=1)
+        axes.set_xscale('log')
+        axes.legend(fontsize=8)
+
+    return _draw(x_label, 'share of pixels', paint)
+
+
+def bar_plot(names: Sequence[str], values: Sequence[float], x_label: str) -> bytes:
+    """Draw horizontal bars, each with its value, on a logarithmic axis.
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+
+    def paint(axes: Any) -> None:
+        places = range(len(names))
+        colours = [COLOURS[index % len(COLOURS)] for index in places]
+        bars = axes.barh(places, values, color=colours)
+        axes.bar_label(bars, [f' {value:.2g}' for value in values], fontsize=9)
+        axes.set_yticks(places, names)
+        axes.invert_yaxis()
+        axes.set_xscale('log')
+        axes.axvline(1.0, color='black', linestyle='--', linewidth=1)
+        axes.margins(x=0.15)
+        axes.grid(visible=False, axis='y')
+
+    return _draw(x_label, '', paint)
+
+
+def _draw_line(axes: Any, line: Line, colour: str, *, is_first: bool) -> None:
+    known = [(x, y) for x, y in zip(line.x, line.y, strict=True) if None not in (x, y)]
+    axes.plot(
+        [x for x, _ in known],
+        [y for _, y in known],
+        color=colour,
+        label=line.label,
+        marker='o',
+        markersize=3,
+        linewidth=2 if is_first else 1.3,
+    )
+    if line.marked is not None:
+        x, y = line.x[line.marked], line.y[line.marked]
+        if x is not None and y is not None:
+            axes.plot(x, y, 'o', color=colour, markersize=8)
+
+
+def _draw(x_label: str, y_label: str, paint: Callable[[Any], None]) -> bytes:
+    matplotlib = report_library('matplotlib')
+    figure_module = report_library('matplotlib.figure')
+    with matplotlib.rc_context(_STYLE):
+        figure = figure_module.Figure(figsize=SIZE_INCHES, layout='constrained')
+        axes = figure.subplots()
+        axes.set_xlabel(x_label)
+        axes.set_ylabel(y_label)
+        paint(axes)
+        file = io.BytesIO()
+        figure.savefig(file, format='svg', metadata={'Date': None})
+    return file.getvalue()
