@@ -144,12 +144,14 @@ class StereoInputs:
     def _take_info(self, side: int, info: Any) -> None:
         if not self._calibration.take(side, info):
             return
-        camera, _ = self._calibration.state
+        camera, problem = self._calibration.state
         if camera is not None:
             self._node.get_logger().info(
                 f'camera: {camera.width} x {camera.height}, fx {camera.fx:.2f} px, '
                 f'baseline {camera.baseline_m * 1000:.1f} mm'
             )
+        elif self._calibration.complete:
+            self._warn(problem)
 
     def _take_image(self, side: int, message: Any) -> None:
         arrival_s = time.monotonic()

@@ -157,7 +157,7 @@ class ObstacleDetector(LifecycleNode):
                 topics=lambda: inputs.topics,
             ),
             calibration=self._calibration,
-            publishers=self._outputs,
+            outputs=self._outputs,
             statistics=self._statistics,
             warn=self._warn,
         )

@@ -22,11 +22,14 @@ from rover_obstacle_detection.node.inputs import ImagePair
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
+from rover_obstacle_detection.swapped_eyes import are_swapped
 
 # A detection that runs is waited for; one that hangs does not keep the node from ending.
 PATIENCE_S = 20.0
 # The first pair may overtake the camera_info that was sent with it.
 CALIBRATION_PATIENCE_S = 0.2
+# Under this share of pixels with a disparity it is worth looking for the reason.
+SUSPICIOUS_SHARE = 0.5
 
 
 class Publishes(Protocol):
@@ -62,7 +65,7 @@ class DetectionWorker:
     ----------
     sources : Sources
     calibration : LiveCalibration
-    publishers : OutputPublishers
+    outputs : OutputPublishers
     statistics : NodeStatistics
     warn : callable
         Takes a line that says why a frame could not be used.
@@ -73,13 +76,13 @@ class DetectionWorker:
         sources: Sources,
         *,
         calibration: LiveCalibration,
-        publishers: Publishes,
+        outputs: Publishes,
         statistics: NodeStatistics,
         warn: Callable[[str], object],
     ) -> None:
         self._sources = sources
         self._calibration = calibration
-        self._publishers = publishers
+        self._outputs = outputs
         self._statistics = statistics
         self._warn = warn
         self._detector: tuple[StereoCamera, Settings, Detector] | None = None
@@ -111,34 +114,49 @@ class DetectionWorker:
     def _process(self, pair: ImagePair) -> None:
         camera = self._calibration.wait_for_camera(CALIBRATION_PATIENCE_S)
         if camera is None:
-            # Said by the node for as long as it lasts, with or without images.
             self._statistics.bad_frame('no calibration')
+            # The node says so again for as long as it lasts, with or without images.
+            self._warn(self._calibration.state[1])
             return
         left, right = (
             decode_any_image(message, topic)
             for message, topic in zip((pair.left, pair.right), self._sources.topics(), strict=True)
         )
-        self._check_sizes((left, right), camera)
+        self._check_sizes(left, right, camera)
         header = pair.left.header
         detection = self._detector_for(camera).detect(
             left, right, gravity=self._sources.gravity(header)
         )
-        self._publishers.publish(detection, header)
+        valid_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
+        if valid_share < SUSPICIOUS_SHARE and are_swapped(left, right, camera):
+            left_topic, right_topic = self._sources.topics()
+            msg = (
+                f'{left_topic}, {right_topic}: the disparities are negative throughout: expected '
+                f'the left eye on {left_topic}; are left and right swapped?'
+            )
+            raise ImageError(msg)
+        self._outputs.publish(detection, header)
         self._statistics.detection(
             time.monotonic() - pair.arrival_s,
-            valid_share=np.count_nonzero(detection.disparity > 0) / detection.disparity.size,
+            valid_share=valid_share,
             obstacle_share=np.count_nonzero(detection.mask) / detection.mask.size,
         )
 
-    def _check_sizes(self, images: tuple[Any, Any], camera: StereoCamera) -> None:
-        for image, topic in zip(images, self._sources.topics(), strict=True):
-            height, width = image.shape[:2]
-            if (height, width) != camera.shape:
-                msg = (
-                    f'{topic}: width x height is {width} x {height}: expected '
-                    f'{camera.width} x {camera.height}, as camera_info says'
-                )
-                raise ImageError(msg)
+    def _check_sizes(self, left: Any, right: Any, camera: StereoCamera) -> None:
+        left_topic, right_topic = self._sources.topics()
+        size, right_size = left.shape[1::-1], right.shape[1::-1]
+        if size != right_size:
+            msg = (
+                f'{left_topic}: width x height is {size[0]} x {size[1]}, that of {right_topic} is '
+                f'{right_size[0]} x {right_size[1]}: expected the same'
+            )
+            raise ImageError(msg)
+        if size != (camera.width, camera.height):
+            msg = (
+                f'{left_topic}: width x height is {size[0]} x {size[1]}: expected '
+                f'{camera.width} x {camera.height}, as camera_info says'
+            )
+            raise ImageError(msg)
 
     def _detector_for(self, camera: StereoCamera) -> Detector:
         settings = self._sources.settings()
