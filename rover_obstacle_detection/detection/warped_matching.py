@@ -26,6 +26,7 @@ from rover_obstacle_detection.detection.ground_plane import DisparityPlane
 
 _TAIL = 0.002
 _MARGIN_PX = 5.0
+_MIN_COARSE_WIDTH = 160
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,10 @@ def coarse_disparity(
     penalty: Penalties,
     reduction: int,
 ) -> CoarseDisparity:
-    """Match the pair at ``1 / reduction`` of its size over the whole range of the camera."""
-    size = max(camera.width // reduction, 32), max(camera.height // reduction, 24)
+    """Match the pair over the camera's whole range, at about ``1 / reduction`` of its size."""
+    # SGBM draws disparities to whole pixels: of two or three pixels little would be left.
+    reduction = max(1, min(reduction, camera.width // _MIN_COARSE_WIDTH))
+    size = camera.width // reduction, max(1, camera.height // reduction)
     small = camera.resized(*size)
     count = config.disparity_range or disparity_range(camera, config.min_range)
     count = max(16, math.ceil(count * size[0] / camera.width / 16) * 16)
