@@ -26,12 +26,16 @@ class MapPositions:
         Rows and columns of the map.
     cell_m : float
         Side of a cell, metres.
+    first_column, first_row : int
+        Cells from the point under the left eye to the map's first cell.
     """
 
     column: NDArray[np.float32]
     row: NDArray[np.float32]
     shape: tuple[int, int]
     cell_m: float
+    first_column: int = 0
+    first_row: int = 0
 
     @property
     def inside(self) -> NDArray[np.bool_]:
@@ -94,8 +98,24 @@ def map_positions(
     across[~usable] = -10
     along[~usable] = -10
     return MapPositions(
-        across, along, (last_row - first_row + 1, last_column - first_column + 1), cell_m
+        across,
+        along,
+        (last_row - first_row + 1, last_column - first_column + 1),
+        cell_m,
+        first_column,
+        first_row,
     )
+
+
+def cell_depths(positions: MapPositions, ground: GroundPlane) -> NDArray[np.float32]:
+    """Find how far along the optical axis each cell of the plane lies, metres."""
+    right, forward = ground_axes(ground)
+    rows, columns = positions.shape
+    across_m = (np.arange(columns) + positions.first_column) * positions.cell_m
+    along_m = (np.arange(rows) + positions.first_row) * positions.cell_m
+    below_m = -ground.normal[2] * ground.height_m
+    depth_m = across_m[np.newaxis] * right[2] + along_m[:, np.newaxis] * forward[2] + below_m
+    return np.asarray(depth_m, np.float32)
 
 
 def cell_means(

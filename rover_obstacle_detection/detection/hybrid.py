@@ -17,6 +17,7 @@ from rover_obstacle_detection.detection.disparity import Penalties, penalties
 from rover_obstacle_detection.detection.elevation_map import (
     Grid,
     MapPositions,
+    cell_depths,
     cell_means,
     map_positions,
     sample_map,
@@ -54,9 +55,13 @@ OPENING_M = 0.8
 TREND_M = 0.4
 SMOOTHING_M = 0.08
 RELIEF_M = 0.10
+WIDE_RELIEF_M = 0.30
+QUIET_M = 0.01
+NOISY_M = 0.03
 DROP_SURROUNDINGS_M = 2.0
 
 CORE_SHARE = 0.95
+NOISE_SHARE = 0.5
 FOOT_M = 0.03
 FOOT_NOISES = 2.0
 MIN_CORE_PIXELS = 5
@@ -85,7 +90,7 @@ class Terrain:
     height_m: NDArray[np.float32]
     noise_m: NDArray[np.float32]
     positions: MapPositions
-    reach_px: NDArray[np.float32]
+    pixels_per_metre: NDArray[np.float32]
     ground_map: Grid
     seen_cells: NDArray[np.bool_]
 
@@ -124,7 +129,7 @@ def detect_hybrid(
     terrain = survey(stereo, camera, config)
     finished('local ground')
     rocks = exceeds_clearance(terrain, config)
-    obstacle = rocks | impassable_ground(terrain, stereo, config)
+    obstacle = rocks | impassable_ground(terrain, stereo, camera, config)
     finished('height, slope, drop')
     segments = segment(pair[0], terrain, config)
     finished('segmentation')
@@ -169,11 +174,11 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
     disparity = cv2.medianBlur(np.ascontiguousarray(stereo.disparity[::2, ::2]), 5)
     disparity = np.asarray(disparity, np.float32) * np.float32(0.5)
     expected = stereo.expected[::2, ::2] * np.float32(0.5)
-    noise_m = height_noise_m(disparity, expected, stereo.ground, DISPARITY_NOISE_PX / 2)
+    noise_m = height_noise_m(disparity, stereo.ground.height_m, DISPARITY_NOISE_PX / 2)
     cell_m = max(CELL_PER_STEP * config.max_step, config.max_range / MAX_MAP_CELLS)
     positions = map_positions(disparity, half, stereo.ground, cell_m, config.max_range)
     height_m = np.zeros_like(disparity)
-    judged = positions.inside & (noise_m < config.max_step)
+    judged = positions.inside & (noise_m < NOISE_SHARE * config.max_step)
     np.divide(
         np.float32(stereo.ground.height_m) * (disparity - expected),
         disparity,
@@ -195,8 +200,6 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
     )
     height_m -= sample_map(ground_map, positions)
     height_m[~judged] = np.nan
-    # Obstacles go on unseen for as far as they are wide at most.
-    reach_px = disparity * np.float32(OPENING_M / 2 / half.baseline_m)
     column = np.arange(half.width, dtype=np.float32)[np.newaxis] - np.float32(
         half.disparity_offset
     )
@@ -208,7 +211,7 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
         height_m,
         noise_m,
         positions,
-        reach_px,
+        disparity / np.float32(half.baseline_m),
         ground_map,
         weight > 0,
     )
@@ -223,16 +226,29 @@ def exceeds_clearance(terrain: Terrain, config: DetectorConfig) -> NDArray[np.bo
 
 
 def impassable_ground(
-    terrain: Terrain, stereo: Stereo, config: DetectorConfig
+    terrain: Terrain, stereo: Stereo, camera: StereoCamera, config: DetectorConfig
 ) -> NDArray[np.bool_]:
     """Find ground that is too steep at rover scale, or drops away."""
     cell_m = terrain.positions.cell_m
-    relief_m = smoothed(terrain.ground_map, (RELIEF_M**2 - SMOOTHING_M**2) ** 0.5 / cell_m)
+    relief_m = relief_at_rover_scale(terrain, stereo, camera)
     cells = steep_cells(relief_m, cell_m, stereo.ground, config.max_slope)
     cells |= dropped_cells(
         relief_m, terrain.seen_cells, cell_m, DROP_SURROUNDINGS_M, config.max_step
     )
     return (sample_map(cells.astype(np.float32), terrain.positions) > 0.5) & terrain.judged
+
+
+def relief_at_rover_scale(terrain: Terrain, stereo: Stereo, camera: StereoCamera) -> Grid:
+    """Smooth the ground to what a rover feels, and wider where noise would look like a slope."""
+    cell_m = terrain.positions.cell_m
+    fine, wide = (
+        smoothed(terrain.ground_map, (scale_m**2 - SMOOTHING_M**2) ** 0.5 / cell_m)
+        for scale_m in (RELIEF_M, WIDE_RELIEF_M)
+    )
+    depth_m = cell_depths(terrain.positions, stereo.ground)
+    noise_m = depth_m * (stereo.ground.height_m * DISPARITY_NOISE_PX / camera.disparity_at(1.0))
+    share = np.clip((noise_m - QUIET_M) / (NOISY_M - QUIET_M), 0, 1)
+    return np.asarray(fine + share * (wide - fine), np.float32)
 
 
 def segment(grey: NDArray[np.uint8], terrain: Terrain, config: DetectorConfig) -> Segments:
@@ -274,7 +290,9 @@ def complete_by_regions(
     A pixel without 3D in a seed region goes with the nearest judged pixel, if that is of the same
     region. A region without 3D, though the right eye sees it, is judged by its grey level.
     """
-    nearest = nearest_values(terrain.judged, rocks, segments.regions, terrain.reach_px)
+    nearest = nearest_values(
+        terrain.judged, rocks, segments.regions, OPENING_M / 2 * terrain.pixels_per_metre
+    )
     dark = dark_regions(grey[::2, ::2], segments.regions, segments.is_seed, config.dark_grey_level)
     by_region = nearest & segments.is_seed[segments.regions]
     by_region |= dark[segments.regions] & terrain.shared_view

@@ -5,44 +5,33 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.gravity import GroundPlane
-
 DISPARITY_NOISE_PX = 0.25
 WINDOW_NOISE_PX = 0.05
 
 
 def height_noise_m(
-    disparity: NDArray[np.float32],
-    expected: NDArray[np.float32],
-    ground: GroundPlane,
-    noise_px: float,
+    disparity: NDArray[np.float32], height_m: float, noise_px: float
 ) -> NDArray[np.float32]:
-    """Give the standard deviation of the height over the plane, metres.
+    """Estimate the standard deviation of the height above the local ground, metres.
 
     Parameters
     ----------
     disparity : ndarray of float32, shape (height, width)
         Pixels; 0 where there is no match.
-    expected : ndarray of float32, shape (height, width)
-        Disparity of the plane, pixels.
-    ground : GroundPlane
+    height_m : float
+        Of the left eye over the ground.
     noise_px : float
         Standard deviation of the disparity, pixels.
 
     Returns
     -------
     ndarray of float32, shape (height, width)
-        Infinite or NaN where there is no match.
+        Infinite where there is no match.
 
     Notes
     -----
-    From ``H = h (d - d_plane) / d``: ``sigma_H = h sigma_d d_plane / d^2``. On the ground that is
-    ``h sigma_d Z / (fx B)``: with the range, where depth itself has ``Z^2``.
+    A share ``s = sigma_d / d`` moves a point by that share along its ray, which comes down
+    ``h`` on its way to the ground: ``sigma_H = h sigma_d / d = h sigma_d Z / (fx B)``.
     """
-    with np.errstate(divide='ignore', invalid='ignore'):
-        return np.asarray(
-            np.float32(ground.height_m * noise_px)
-            * np.maximum(expected, 0)
-            / (disparity * disparity),
-            np.float32,
-        )
+    with np.errstate(divide='ignore'):
+        return np.float32(height_m * noise_px) / disparity
