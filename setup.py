@@ -1,20 +1,23 @@
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
 package_name = 'rover_obstacle_detection'
+# `colcon build --symlink-install` runs a link to this file in a folder without the README.
+readme = Path(__file__).resolve().with_name('README.md')
 
 setup(
     name=package_name,
     version='0.1.0',
     description='Stereo obstacle detection for planetary rovers: ROS 2 node and offline replay',
-    long_description=open('README.md', encoding='utf-8').read(),
+    long_description=readme.read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     author='The rover_obstacle_detection developers',
     author_email='maintainers@rover-obstacle-detection.example',
     license='Apache-2.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', '**/*.j2', '**/*.xml', '**/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -23,6 +26,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
+        'mcap>=1.1',
         'numpy>=1.26',
         'opencv-python-headless>=4.8',
         'rich>=13',
@@ -40,15 +44,15 @@ setup(
         'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],
         'test': [
             'hypothesis>=6',
-            'mcap>=1.1',
-            'mypy>=1.10',
-            'pytest>=7.4',
-            'ruff>=0.6',
+            # These find something new to say with every minor release.
+            'mypy==2.4.*',
+            'pytest>=8',
+            'ruff==0.17.*',
         ],
     },
     zip_safe=False,
     classifiers=[
-        'License :: OSI Approved :: Apache Software License',
+        'Operating System :: POSIX',
         'Programming Language :: Python :: 3.10',
         'Programming Language :: Python :: 3.11',
         'Programming Language :: Python :: 3.12',
