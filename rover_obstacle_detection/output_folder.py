@@ -55,25 +55,45 @@ def output_folder(path: Path, *, force: bool, replaces: Sequence[str]) -> Iterat
     check_output(path, force=force)
     path = path.resolve()
     temporary = path.with_name(f'.{path.name}.{secrets.token_hex(4)}')
-    made_parents = [parent for parent in path.parents if not parent.exists()]
+    with folder_if_filled(path.parent):
+        try:
+            temporary.mkdir()
+        except OSError as error:
+            msg = f'cannot write to output folder {path}: {error.strerror}'
+            raise OutputError(msg) from error
+        try:
+            yield temporary
+            if path.is_dir():
+                _remove(path, replaces)
+                _merge(temporary, path)
+            else:
+                temporary.rename(path)
+        except BaseException:
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise
+
+
+@contextlib.contextmanager
+def folder_if_filled(path: Path) -> Iterator[None]:
+    """Make a folder with its parents, and take away again what is empty in the end.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made.
+    """
+    missing = [each for each in (path, *path.parents) if not each.exists()]
     try:
-        temporary.mkdir(parents=True)
+        path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        msg = f'cannot write to output folder {path}: {error.strerror}'
+        msg = f'cannot make output folder {path}: {error.strerror}'
         raise OutputError(msg) from error
     try:
-        yield temporary
-        if path.is_dir():
-            _remove(path, replaces)
-            _merge(temporary, path)
-        else:
-            temporary.rename(path)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
+        yield
+    finally:
         with contextlib.suppress(OSError):
-            for parent in made_parents:
-                parent.rmdir()
-        raise
+            for each in missing:
+                each.rmdir()
 
 
 def _remove(folder: Path, patterns: Sequence[str]) -> None:

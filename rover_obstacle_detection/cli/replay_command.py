@@ -114,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay the bags, and print the table."""
     from rich.console import Console
 
-    from rover_obstacle_detection.output_folder import check_output
+    from rover_obstacle_detection.output_folder import check_output, folder_if_filled
     from rover_obstacle_detection.replay_jobs import plan_jobs, replay_jobs
     from rover_obstacle_detection.summary import ReplaySummary
     from rover_obstacle_detection.summary_table import replay_table
@@ -123,7 +123,10 @@ def run(arguments: argparse.Namespace) -> int:
     check_output(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
     summaries: dict[int, ReplaySummary] = {}
-    with progress_bars([job.output.name for job in jobs], 'pairs') as on_progress:
+    with (
+        folder_if_filled(jobs[0].output.resolve().parent),
+        progress_bars([job.output.name for job in jobs], 'pairs') as on_progress,
+    ):
         results = replay_jobs(jobs, options, arguments.workers, on_progress)
         with contextlib.closing(results):
             for index, result in results:

@@ -1,0 +1,137 @@
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+from rover_obstacle_detection import __version__
+from rover_obstacle_detection.cli import main as cli
+from rover_obstacle_detection.errors import BagError
+
+COMMAND = (sys.executable, '-m', 'rover_obstacle_detection')
+
+
+def _run(*arguments):
+    return subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, check=False)
+
+
+def test_version():
+    done = _run('--version')
+    assert done.stdout.strip() == f'rover-obstacles {__version__}'
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize('command', ['replay', 'detect'])
+def test_help_shows_an_example_of_each_command(command):
+    done = _run(command, '--help')
+    assert done.returncode == 0
+    assert f'rover-obstacles {command}' in done.stdout
+    assert 'example' in done.stdout
+    assert command in _run('--help').stdout
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        'import sys\n'
+        'from rover_obstacle_detection.cli.main import make_parser\n'
+        'make_parser().format_help()\n'
+        "heavy = {'cv2', 'numpy', 'rosbags', 'rich', 'rclpy'} & set(sys.modules)\n"
+        'sys.exit(str(heavy) if heavy else 0)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'complaint'),
+    [
+        ((), 'COMMAND'),
+        (('nonsense',), 'nonsense'),
+        (('replay',), 'BAG'),
+        (('replay', 'bag'), '--output'),
+        (('replay', 'bag', '-o', 'out', '--workers', '0'), '1 or more'),
+        (('replay', 'bag', '-o', 'out', '--every', 'x'), '1 or more'),
+        (('replay', 'bag', '-o', 'out', '--start', '-1'), '0 or more seconds'),
+        (('replay', 'bag', '-o', 'out', '--duration', 'nan'), 'expected a number'),
+        (('replay', 'bag', '-o', 'out', '--duration', '0'), 'more than 0'),
+        (('replay', 'bag', '-o', 'out', '--method', 'magic'), 'hybrid'),
+        (('replay', 'bag', '-o', 'out', '--set', 'max_step'), 'name=value'),
+        (('replay', 'bag', '-o', 'out', '--set', 'max_stpe=1'), 'did you mean max_step?'),
+        (('replay', 'bag', '-o', 'out', '--set', 'max_step=99'), 'max_step is 99.0'),
+        (('replay', 'bag', '-o', 'out', '--set', 'window_size=4'), 'window_size is 4'),
+        (('replay', 'bag', '-o', 'out', '--set', 'sgbm_mode=x'), 'a whole number'),
+        (('replay', 'bag', '-o', 'out', '--left-info', 'l.yaml'), 'without --right-info'),
+        (('detect', 'l.png', 'r.png', '-o', 'out'), '--left-info'),
+    ],
+)
+def test_a_wrong_call_is_status_2_and_says_what_is_expected(arguments, complaint, capsys):
+    with pytest.raises(SystemExit) as wrong_call:
+        cli.main(arguments)
+    assert wrong_call.value.code == 2
+    assert complaint in capsys.readouterr().err
+
+
+def _command_that(action, monkeypatch):
+    def add_parser(subparsers):
+        subparsers.add_parser('act').set_defaults(run=lambda arguments: action())
+
+    module = type('Module', (), {'add_parser': staticmethod(add_parser)})
+    monkeypatch.setattr(cli, 'COMMAND_MODULES', ('act_command',))
+    monkeypatch.setattr(cli.importlib, 'import_module', lambda name: module)
+
+
+def _raise(error):
+    def action():
+        raise error
+
+    return action
+
+
+@pytest.mark.parametrize(
+    ('error', 'line'),
+    [
+        (BagError('x.mcap:\n  broken'), 'rover-obstacles: error: x.mcap: broken\n'),
+        (
+            OSError(28, 'No space left on device', 'out'),
+            "rover-obstacles: error: [Errno 28] No space left on device: 'out'\n",
+        ),
+    ],
+)
+def test_a_known_error_is_one_line_and_status_1(error, line, monkeypatch, capsys):
+    _command_that(_raise(error), monkeypatch)
+    assert cli.main(['act']) == 1
+    assert capsys.readouterr().err == line
+
+
+def test_an_interrupt_is_status_130(monkeypatch, capsys):
+    _command_that(_raise(KeyboardInterrupt()), monkeypatch)
+    assert cli.main(['act']) == 130
+    assert 'interrupted' in capsys.readouterr().err
+
+
+def test_a_mistake_of_ours_keeps_its_traceback(monkeypatch):
+    _command_that(_raise(ZeroDivisionError()), monkeypatch)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(['act'])
+
+
+def test_progress_is_drawn_on_a_terminal_only(capfd):
+    code = (
+        'from rover_obstacle_detection.cli.console import progress_bars\n'
+        "with progress_bars(['traverse'], 'pairs') as update:\n"
+        '    update(0, 3, 12)\n'
+    )
+    master, slave = pty.openpty()
+    environment = {**os.environ, 'TERM': 'xterm', 'COLUMNS': '100'}
+    subprocess.run([sys.executable, '-c', code], stderr=slave, env=environment, check=True)
+    os.close(slave)
+    drawn = os.read(master, 100_000).decode()
+    os.close(master)
+    assert 'traverse' in drawn
+    assert '3/12' in drawn
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, check=True)
+    assert done.stderr == b''
+    assert done.stdout == b''

@@ -1,0 +1,136 @@
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+from hand_made import CAMERA, stereo_images, write_calibration
+
+from rover_obstacle_detection.cli.main import main
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.picture_files import PICTURE_NAMES
+
+
+@pytest.fixture
+def files(tmp_path):
+    left, right = stereo_images()
+    cv2.imwrite(str(tmp_path / 'left.png'), left)
+    cv2.imwrite(str(tmp_path / 'right.png'), right)
+    write_calibration(tmp_path)
+    return tmp_path
+
+
+def _detect(folder, *options):
+    return main(
+        [
+            'detect',
+            str(folder / 'left.png'),
+            str(folder / 'right.png'),
+            '--left-info',
+            str(folder / 'left.yaml'),
+            '--right-info',
+            str(folder / 'right.yaml'),
+            '-o',
+            str(folder / 'out'),
+            *options,
+        ]
+    )
+
+
+def test_the_files_hold_what_the_detector_saw(files, capsys):
+    assert _detect(files) == 0
+    output = files / 'out'
+    names = {'mask.png', 'points.ply', 'summary.json', *(f'{name}.png' for name in PICTURE_NAMES)}
+    assert {path.name for path in output.iterdir()} == names
+    detection = Detector(CAMERA).detect(*stereo_images())
+    mask = cv2.imread(str(output / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(mask, detection.mask)
+    points = len(detection.obstacle_points) + len(detection.ground_points)
+    assert f'element vertex {points}\n'.encode() in (output / 'points.ply').read_bytes()
+
+    summary = json.loads((output / 'summary.json').read_text())
+    assert summary['obstacles'] == len(detection.obstacles) == len(summary['obstacle_list'])
+    largest, listed = detection.obstacles[0], summary['obstacle_list'][0]
+    assert listed['pixels'] == largest.pixels
+    assert listed['range_m'] == pytest.approx(largest.range_m)
+    assert listed['minimum_m'] == pytest.approx(largest.minimum_m)
+    assert summary['camera']['fx'] == pytest.approx(CAMERA.fx)
+    assert summary['stage_ms']
+
+    table = capsys.readouterr().out
+    assert f'{len(detection.obstacles)} obstacles' in table
+    assert re.search(rf'{largest.range_m:.2f} │ +{largest.max_height_m:.2f} │', table)
+    assert f'{largest.left} {largest.top} {largest.width} {largest.height}' in table
+
+
+def test_colour_images_give_a_colour_overlay(files):
+    left, right = (np.dstack((image, image // 2, image // 4)) for image in stereo_images())
+    cv2.imwrite(str(files / 'left.png'), left)
+    cv2.imwrite(str(files / 'right.png'), right)
+    assert _detect(files) == 0
+    overlay = cv2.imread(str(files / 'out' / 'overlay.png'))[: CAMERA.height]
+    mask = cv2.imread(str(files / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    kept = (overlay == left).all(axis=2)
+    assert kept[mask == 0].mean() > 0.5
+
+
+def test_method_and_parameters_are_the_users(files):
+    assert _detect(files, '--method', 'study', '--set', 'study_max_step=0.02') == 0
+    parameters = json.loads((files / 'out' / 'summary.json').read_text())['parameters']
+    assert parameters['method'] == 'study'
+    assert parameters['study_max_step'] == 0.02
+
+
+def test_an_existing_output_is_kept_unless_forced(files, capsys):
+    (files / 'out').mkdir()
+    (files / 'out' / 'notes.txt').write_text('mine')
+    assert _detect(files) == 1
+    assert 'give --force' in capsys.readouterr().err
+    assert [path.name for path in (files / 'out').iterdir()] == ['notes.txt']
+    assert _detect(files, '--force') == 0
+    assert (files / 'out' / 'notes.txt').read_text() == 'mine'
+    assert (files / 'out' / 'mask.png').exists()
+
+
+def _remove(name):
+    return lambda folder: (folder / name).unlink()
+
+
+def _write(name, data):
+    return lambda folder: (folder / name).write_bytes(data)
+
+
+def _cut_short(folder):
+    path = folder / 'left.png'
+    path.write_bytes(path.read_bytes()[:500])
+
+
+def _smaller(folder):
+    cv2.imwrite(str(folder / 'right.png'), stereo_images()[1][:200])
+
+
+def _negative_baseline(folder):
+    text = (folder / 'right.yaml').read_text()
+    (folder / 'right.yaml').write_text(text.replace(', -', ', '))
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'complaint'),
+    [
+        (_remove('left.png'), r'left\.png: .*No such file'),
+        (_write('left.png', b''), r'left\.png: data is empty'),
+        (_write('right.png', b'hello'), r'right\.png: data is not an image'),
+        (_cut_short, r'left\.png: .*cut short'),
+        (_smaller, r'right\.png.*320 x 200|right\.png.*200'),
+        (_remove('right.yaml'), r'right\.yaml: no such calibration file'),
+        (_write('left.yaml', b'nonsense'), r'left\.yaml: is not a ROS camera calibration'),
+        (_negative_baseline, r'right\.yaml.*baseline is -'),
+    ],
+)
+def test_bad_input(files, spoil, complaint, capsys):
+    spoil(files)
+    assert _detect(files) == 1
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1
+    assert re.search(complaint, error), error
+    assert not (files / 'out').exists()

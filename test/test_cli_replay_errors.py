@@ -1,0 +1,171 @@
+"""Bad input to replay: one line that names it, status 1, nothing written."""
+
+import re
+
+import numpy as np
+import pytest
+from hand_made import CAMERA, write_stereo_bag
+
+from rover_obstacle_detection.bags.writer import BagWriter
+from rover_obstacle_detection.cli.main import main
+from rover_obstacle_detection.messages.header import make_header
+from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
+
+PLAIN = (np.full(CAMERA.shape, 90, np.uint8),) * 2
+
+
+def _bag(path, **options):
+    return write_stereo_bag(path, pairs=2, images=[PLAIN], **options)
+
+
+def _with_images(**fields):
+    def change(index, side, message):
+        for name, value in fields.items():
+            setattr(message, name, value)
+
+    return lambda path: _bag(path, change_image=change)
+
+
+def _with_infos(change):
+    return lambda path: _bag(path, change_info=change)
+
+
+def _set_p(index, value, sides=('left', 'right')):
+    def change(side, info):
+        if side in sides:
+            info.p[index] = value
+
+    return change
+
+
+def _missing(path):
+    return path
+
+
+def _text(path):
+    path = path.with_suffix('.mcap')
+    path.write_text('no bag at all')
+    return path
+
+
+def _other_file(path):
+    path = path.with_suffix('.txt')
+    path.write_text('no bag at all')
+    return path
+
+
+def _zero_bytes(path):
+    path = path.with_suffix('.mcap')
+    path.touch()
+    return path
+
+
+def _empty_folder(path):
+    path.mkdir()
+    return path
+
+
+def _truncated(path):
+    file = _bag(path) / f'{path.name}.mcap'
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 2 // 3])
+    return file
+
+
+def _other_topics(path):
+    with BagWriter(path) as bag:
+        header = make_header(1, 'imu', bag.factory)
+        message = bag.factory.make('sensor_msgs/msg/Imu', header=header)
+        bag.add('/imu/data', 'sensor_msgs/msg/Imu', message, 1)
+    return path
+
+
+def _smaller_right(path):
+    return write_stereo_bag(path, pairs=2, images=[(PLAIN[0], PLAIN[1][:-40])])
+
+
+def _broken_jpeg(path):
+    factory = RosbagsFactory()
+
+    def compress(index, side, message):
+        return factory.make(
+            'sensor_msgs/msg/CompressedImage',
+            header=message.header,
+            format='jpeg',
+            data=np.frombuffer(b'\xff\xd8\xff\xe0 nothing more', np.uint8),
+        )
+
+    return _bag(path, change_image=compress)
+
+
+@pytest.mark.parametrize(
+    ('make', 'complaint'),
+    [
+        (_missing, r'recording: no such recording'),
+        (_text, r'recording\.mcap: '),
+        (_other_file, r'recording\.txt: is not a recording'),
+        (_zero_bytes, r'recording\.mcap: is empty \(0 bytes\)'),
+        (_empty_folder, r'recording: is not a recording'),
+        (_truncated, r'recording\.mcap: cut short or damaged.*--salvage'),
+        (_other_topics, r'no stereo topics.*/imu/data'),
+        (lambda path: _bag(path, sides=('left',)), r'only images of the left eye'),
+        (lambda path: _bag(path, infos=False), r'no calibration for /cam/left/image_rect'),
+        (_with_infos(_set_p(3, 0.0)), r'P\[3\].*baseline is'),
+        (_with_infos(_set_p(3, 20.0, ('right',))), r'baseline is -.*swapped'),
+        (_with_infos(_set_p(0, 0.0)), r'P\[0\] \(fx\) is 0'),
+        (_smaller_right, r'/cam/right/image_rect is 320 x 200.*same size'),
+        (
+            _with_infos(lambda side, info: setattr(info, 'height', 120)),
+            r'320 x 240.*is for 320 x 120',
+        ),
+        (_with_images(step=100), r'/cam/left/image_rect: step is 100'),
+        (_with_images(height=999), r'/cam/left/image_rect: data has 76800 bytes'),
+        (_with_images(encoding='yuv999'), r"/cam/left/image_rect: encoding is 'yuv999'"),
+        (_broken_jpeg, r'/cam/left/image_rect: data is'),
+    ],
+)
+def test_bad_input(make, complaint, tmp_path, capsys):
+    (tmp_path / 'bags').mkdir()
+    bag = make(tmp_path / 'bags' / 'recording')
+    capsys.readouterr()
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'results' / 'out'), '--images']) == 1
+    captured = capsys.readouterr()
+    lines = [each for each in captured.err.splitlines() if 'warning' not in each.lower()]
+    assert len(lines) == 1
+    assert lines[0].startswith('rover-obstacles: error: ')
+    assert re.search(complaint, lines[0]), lines[0]
+    assert captured.out == ''
+    assert [path.name for path in tmp_path.iterdir()] == ['bags']
+
+
+@pytest.mark.parametrize(
+    ('options', 'complaint'),
+    [
+        (['--left-topic', '/cam/nowhere'], '/cam/nowhere'),
+        (['--start', '99'], '0 left images'),
+        (['--params', 'missing.yaml'], 'missing.yaml: no such parameter file'),
+        (['--left-info', 'l.yaml', '--right-info', 'r.yaml'], 'l.yaml: no such calibration'),
+        (['--set', 'gravity_source=imu'], "gravity_source is 'imu'"),
+        (['--set', 'min_range=5', '--set', 'max_range=4'], 'max_range is 4'),
+        (['--rover-mask', 'missing.png'], "'missing.png': no such file"),
+        (['--rover-polygon', '[[1,2]]'], 'three or more corners'),
+    ],
+)
+def test_bad_options(options, complaint, tmp_path, capsys):
+    bag = _bag(tmp_path / 'recording')
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *options]) == 1
+    error = capsys.readouterr().err
+    assert complaint in error
+    assert error.count('\n') == 1
+    assert [path.name for path in tmp_path.iterdir()] == ['recording']
+
+
+def test_a_damaged_bag_is_replayed_on_request(tmp_path, capsys):
+    whole = write_stereo_bag(tmp_path / 'recording', pairs=12)
+    file = whole / 'recording.mcap'
+    damaged = tmp_path / 'damaged.mcap'
+    damaged.write_bytes(file.read_bytes()[:-2000])
+    assert main(['replay', str(damaged), '-o', str(tmp_path / 'out'), '--salvage']) == 0
+    captured = capsys.readouterr()
+    assert 'cut short or damaged' in captured.err
+    assert 'through the detector' in captured.out
+    assert (tmp_path / 'out' / 'detections' / 'detections.mcap').exists()
