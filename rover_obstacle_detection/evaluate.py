@@ -14,7 +14,11 @@ from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.errors import BagError, CameraError, ImageError
 from rover_obstacle_detection.evaluation.results import Evaluation, merged
 from rover_obstacle_detection.evaluation.runner import RunOptions, SceneRun
-from rover_obstacle_detection.labelled_bag import find_truth_topics, read_labelled
+from rover_obstacle_detection.labelled_bag import (
+    find_truth_topics,
+    read_labelled,
+    recorded_conditions,
+)
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 
 OnProgress = Callable[[int, int], None]
@@ -23,7 +27,7 @@ OnProgress = Callable[[int, int], None]
 OnBagProgress = Callable[[int, int, int], None]
 """Called with the bag's index, the frames done and the frames expected."""
 
-_PREFIX = re.compile(r'^(?:(?:tuning|reporting|report|scene|suite|\d+)[_-])+')
+_PREFIX = re.compile(r'^(?:(?:tuning|tune|reporting|report|scene|suite|\d+)[_-])+')
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,8 @@ class BagOptions:
     every : int
         Take every n-th pair.
     conditions : sequence of str
-        The scene's conditions; from the bag's name if not given.
+        The scene's conditions; as the recording says, or from its
+        name, if not given.
     """
 
     left_topic: str | None = None
@@ -74,8 +79,6 @@ def evaluate_bag(
         If the recording cannot be read, has no labels, or none of its frames can be used.
     """
     scene = name or bag_name(path)
-    conditions = tuple(bag_options.conditions) or (condition_in(scene),)
-    run = SceneRun(scene, conditions, run_options)
     problems: list[str] = []
     done = 0
     with open_bag(path) as bag:
@@ -84,13 +87,15 @@ def evaluate_bag(
             left_image=bag_options.left_topic, right_image=bag_options.right_topic
         )
         truth = find_truth_topics(bag, bag_options.labels_topic)
+        conditions = tuple(bag_options.conditions) or recorded_conditions(bag, truth)
+        run = SceneRun(scene, conditions or (condition_in(scene),), run_options)
         files = bag_options.calibration
         pairs = read_pairs(
             bag,
             topics,
             camera=load_stereo_calibration(*files) if files else None,
             every=bag_options.every,
-            extra_topics=truth.names,
+            extra_topics=truth.images,
         )
         expected = _expected_frames(bag, topics, bag_options.every)
         for frame in read_labelled(pairs, truth):

@@ -140,9 +140,10 @@ def _range_blocks(evaluation: Evaluation) -> Iterator[Block]:
     used = [
         index
         for index in range(len(span_names()))
-        if any(evaluation.by_range(method)[index].frames for method in evaluation.methods)
+        if evaluation.by_range(evaluation.methods[0])[index].frames
     ]
     names = [span_names()[index] for index in used]
+    # Where there is nothing to find, any overlap is 0 and says nothing.
     for name, caption in (
         ('iou', 'IoU'),
         ('recall', 'Recall of pixels'),
@@ -153,9 +154,13 @@ def _range_blocks(evaluation: Evaluation) -> Iterator[Block]:
             Line(
                 method,
                 [float(place) for place in range(len(used))],
-                [getattr(evaluation.by_range(method)[index], name) for index in used],
+                [
+                    getattr(spans[index], name) if spans[index].obstacle_pixels else None
+                    for index in used
+                ],
             )
             for method in evaluation.methods
+            if (spans := evaluation.by_range(method))
         ]
         svg = line_plot(
             lines, 'distance along the optical axis', caption, x_names=names, y_limits=(0, 1.02)

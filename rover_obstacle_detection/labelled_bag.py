@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.bags.reader import BagReader
+from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
@@ -26,6 +27,8 @@ from rover_obstacle_detection.messages.image import decode_any_image, decode_flo
 LABELS = 'truth/labels'
 INSTANCES = 'truth/instances'
 DEPTH = 'truth/depth'
+SCENE = 'truth/scene'
+TEXT_TYPE = 'std_msgs/msg/String'
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 LABEL_VALUES = (FREE, ROCK, SLOPE, DROP, NOT_COUNTED)
 
@@ -37,15 +40,16 @@ class TruthTopics:
     labels: str
     instances: str | None
     depth: str | None
+    scene: str | None
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """All that there are."""
+    def images(self) -> tuple[str, ...]:
+        """Those that come with every pair."""
         return tuple(name for name in (self.labels, self.instances, self.depth) if name)
 
 
 def find_truth_topics(bag: BagReader, labels: str | None = None) -> TruthTopics:
-    """Find ``truth/labels``, and ``instances`` and ``depth`` beside it.
+    """Find ``truth/labels``, and ``instances``, ``depth`` and ``scene`` beside it.
 
     Parameters
     ----------
@@ -71,11 +75,37 @@ def find_truth_topics(bag: BagReader, labels: str | None = None) -> TruthTopics:
         msg = f'{bag.path}: topic {labels} is {there}: expected {IMAGE_TYPES[0]}'
         raise BagError(msg)
     beside = labels.rpartition('/')[0]
-    instances, depth = (
+    instances, depth, scene = (
         name if (name := f'{beside}/{own.rpartition("/")[2]}') in bag.topics else None
-        for own in (INSTANCES, DEPTH)
+        for own in (INSTANCES, DEPTH, SCENE)
     )
-    return TruthTopics(labels, instances, depth)
+    return TruthTopics(labels, instances, depth, scene)
+
+
+def recorded_conditions(bag: BagReader, truth: TruthTopics) -> tuple[str, ...]:
+    """Read the scene's conditions and its rig from ``truth/scene``, as `simulate` writes it.
+
+    Returns
+    -------
+    tuple of str
+        Such as ``low_texture``, ``rig navcam``; empty where the recording does not say.
+    """
+    if truth.scene is None or bag.topics[truth.scene] != TEXT_TYPE:
+        return ()
+    for _, _, message in bag.messages([truth.scene]):
+        if isinstance(message, BadMessage):
+            return ()
+        try:
+            scene = json.loads(message.data)
+        except ValueError:
+            return ()
+        if not isinstance(scene, dict):
+            return ()
+        conditions = scene.get('conditions', ())
+        named = conditions if isinstance(conditions, list) else ()
+        rig = (f'rig {scene["rig"]}',) if 'rig' in scene else ()
+        return (*map(str, named), *rig)
+    return ()
 
 
 def read_labelled(pairs: StereoPairs, truth: TruthTopics) -> Iterator[LabelledFrame | BadFrame]:

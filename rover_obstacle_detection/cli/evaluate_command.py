@@ -17,12 +17,9 @@ from rover_obstacle_detection.cli.console import progress_bars, report_error
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 
 if TYPE_CHECKING:
-    from rich.table import Table as RichTable
-
     from rover_obstacle_detection.detection.config import DetectorConfig
     from rover_obstacle_detection.evaluate import BagOptions
     from rover_obstacle_detection.evaluation.results import Evaluation
-    from rover_obstacle_detection.evaluation.tables import Table as TextTable
 
 DESCRIPTION = """\
 Compare detectors with the labels of labelled bags: pixels, obstacles found, false alarms, time.
@@ -220,20 +217,24 @@ def _print_tables(evaluation: Evaluation) -> None:
         scene_table,
     )
 
-    console = Console(highlight=False)
+    tables = []
     for method in evaluation.methods:
-        tables = [scene_table(evaluation, method)]
+        tables.append(scene_table(evaluation, method))
         if len(evaluation.conditions) > 1:
             tables.append(condition_table(evaluation, method))
-        for each in tables:
-            console.print(_rich(each, Table(title=each.title, title_justify='left')))
-    overall = method_table(evaluation)
-    console.print(_rich(overall, Table(title=overall.title, title_justify='left')))
-
-
-def _rich(table: TextTable, into: RichTable) -> RichTable:
-    for index, name in enumerate(table.header):
-        into.add_column(name, justify='right' if index else 'left', overflow='fold')
-    for row in table.rows:
-        into.add_row(*row)
-    return into
+    tables.append(method_table(evaluation))
+    console = Console(highlight=False)
+    for each in tables:
+        table = Table(title=each.title, title_justify='left', box=None, padding=(0, 1, 0, 0))
+        for index, name in enumerate(each.header):
+            # Figures stay whole where the terminal is narrow; long names are folded.
+            table.add_column(
+                name.replace(' ', '\n', 1),
+                justify='right' if index else 'left',
+                no_wrap=index > 0,
+                overflow='fold',
+                min_width=8 if index == 0 else None,
+            )
+        for row in each.rows:
+            table.add_row(*row)
+        console.print(table, end='\n\n')

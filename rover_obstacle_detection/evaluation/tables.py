@@ -45,12 +45,12 @@ def method_table(evaluation: Evaluation) -> Table:
             (
                 method,
                 *_figures(results),
-                NONE if worst is None else f'{worst[1]:.3f} {worst[0]}',
+                _number(None if worst is None else worst[1]),
                 f'{1000 * statistics.fmean(each.median_seconds for each in results):.0f}',
                 f'{statistics.fmean(each.times_plain for each in results):.2f}',
             )
         )
-    header = ('method', *FIGURE_HEADER, 'worst condition (IoU)', 'ms', 'x SGBM')
+    header = ('method', *FIGURE_HEADER, 'worst IoU', 'ms', 'x SGBM')
     return Table('All scenes', header, rows)
 
 

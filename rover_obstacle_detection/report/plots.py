@@ -19,7 +19,8 @@ COLOURS = (
     '#8c5e3c',
     '#7a7f87',
 )
-SIZE_INCHES = (5.6, 3.9)
+WIDTH_INCHES = 5.6
+HEIGHT_INCHES = 3.7
 _STYLE = {
     'axes.spines.top': False,
     'axes.spines.right': False,
@@ -121,7 +122,7 @@ def distribution_plot(
 
 
 def bar_plot(names: Sequence[str], values: Sequence[float], x_label: str) -> bytes:
-    """Draw horizontal bars, each with its value, on a logarithmic axis.
+    """Draw horizontal bars, each with its value; logarithmic where they differ tenfold.
 
     Raises
     ------
@@ -136,12 +137,13 @@ def bar_plot(names: Sequence[str], values: Sequence[float], x_label: str) -> byt
         axes.bar_label(bars, [f' {value:.2g}' for value in values], fontsize=9)
         axes.set_yticks(places, names)
         axes.invert_yaxis()
-        axes.set_xscale('log')
+        if max(values) > 10 * min(values):
+            axes.set_xscale('log')
         axes.axvline(1.0, color='black', linestyle='--', linewidth=1)
         axes.margins(x=0.15)
         axes.grid(visible=False, axis='y')
 
-    return _draw(x_label, '', paint)
+    return _draw(x_label, '', paint, height_inches=0.9 + 0.32 * len(names))
 
 
 def _draw_line(axes: Any, line: Line, colour: str, *, is_first: bool) -> None:
@@ -161,11 +163,16 @@ def _draw_line(axes: Any, line: Line, colour: str, *, is_first: bool) -> None:
             axes.plot(x, y, 'o', color=colour, markersize=8)
 
 
-def _draw(x_label: str, y_label: str, paint: Callable[[Any], None]) -> bytes:
+def _draw(
+    x_label: str,
+    y_label: str,
+    paint: Callable[[Any], None],
+    height_inches: float = HEIGHT_INCHES,
+) -> bytes:
     matplotlib = report_library('matplotlib')
     figure_module = report_library('matplotlib.figure')
     with matplotlib.rc_context(_STYLE):
-        figure = figure_module.Figure(figsize=SIZE_INCHES, layout='constrained')
+        figure = figure_module.Figure(figsize=(WIDTH_INCHES, height_inches), layout='constrained')
         axes = figure.subplots()
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
