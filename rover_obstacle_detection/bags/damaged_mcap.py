@@ -11,7 +11,7 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rover_obstacle_detection.bags.sources import Entry, add_missing_types
+from rover_obstacle_detection.bags.sources import Entry
 from rover_obstacle_detection.messages.rosbags_factory import ros2_typestore
 
 _ROS_ENCODING = 'cdr'
@@ -63,7 +63,9 @@ class DamagedMcap:
 
     def deserialize(self, entry: Entry) -> Any:
         """Make the message of an entry."""
-        return self._typestore.deserialize_cdr(entry.data, entry.type_name)
+        is_defined = entry.type_name in self._typestore.fielddefs
+        typestore = self._typestore if is_defined else ros2_typestore()
+        return typestore.deserialize_cdr(entry.data, entry.type_name)
 
     def serialized(self, entry: Entry) -> bytes:
         """Give the message of an entry as ROS 2 sends it (CDR)."""
@@ -111,4 +113,3 @@ class DamagedMcap:
                 continue
             known = self._typestore.fielddefs
             self._typestore.register({name: types[name] for name in types.keys() - known.keys()})
-        add_missing_types(self._typestore, ros2_typestore())

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, Protocol
 
 from rosbags.convert.converter import migrate_bytes
 from rosbags.highlevel import AnyReader
-from rosbags.typesys.store import Typestore
 
 from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.messages.rosbags_factory import ros1_typestore, ros2_typestore
@@ -74,7 +73,7 @@ class RosbagsSource:
         self.span_ns: tuple[int, int] | None = None
         if self._reader.message_count:
             self.span_ns = self._reader.start_time, self._reader.end_time
-        add_missing_types(self._reader.typestore, known)
+        self._known = known
 
     def message_count(self, topic: str) -> int:
         """Count the messages of a topic."""
@@ -94,7 +93,12 @@ class RosbagsSource:
 
     def deserialize(self, entry: Entry) -> Any:
         """Make the message of an entry."""
-        return self._reader.deserialize(entry.data, entry.type_name)
+        if entry.type_name in self._reader.typestore.fielddefs:
+            return self._reader.deserialize(entry.data, entry.type_name)
+        # Recordings need not define every type, old ones define none.
+        if self._reader.is2:
+            return self._known.deserialize_cdr(entry.data, entry.type_name)
+        return self._known.deserialize_ros1(entry.data, entry.type_name)
 
     def serialized(self, entry: Entry) -> bytes | memoryview:
         """Give the message of an entry as ROS 2 sends it (CDR)."""
@@ -110,15 +114,6 @@ class RosbagsSource:
             src_is2=False,
             dst_is2=True,
         )
-
-
-def add_missing_types(typestore: Typestore, known: Typestore) -> None:
-    """Let a typestore know the standard types that a recording did not define itself."""
-    missing = {
-        name: fields for name, fields in known.fielddefs.items() if name not in typestore.fielddefs
-    }
-    if missing:
-        typestore.register(missing)
 
 
 def open_sources(path: Path, stack: ExitStack) -> list[Source]:
