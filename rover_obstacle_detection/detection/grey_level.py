@@ -30,6 +30,8 @@ def dark_regions(
     ndarray of bool, shape (regions + 1,)
         Entry 0 is unused and False.
     """
+    if is_seed[1:].all():
+        return np.zeros_like(is_seed)
     dark = ~is_seed & (region_means(regions, grey) < max_grey_level)
     dark[0] = False
     return dark

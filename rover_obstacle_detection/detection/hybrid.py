@@ -315,7 +315,7 @@ def draw_outlines(
         core = obstacle & (terrain.height_m > CORE_SHARE * config.max_step)
     soft[core] = 1.0
     full = _at_full_resolution(soft, grey.shape)
-    return np.asarray(np.where(full > 0.5, OBSTACLE, FREE), np.uint8)
+    return np.asarray(cv2.compare(full, 0.5, cv2.CMP_GT), np.uint8)
 
 
 def _detection(

@@ -66,7 +66,7 @@ def nearest_values(
     ndarray of bool, shape (height, width)
         The value of the nearest known pixel; False where that lies in another region or too far.
     """
-    if not known.any():
+    if not (known & values).any():
         return np.zeros_like(values)
     distance, sources = cv2.distanceTransformWithLabels(
         (~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
