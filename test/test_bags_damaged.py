@@ -78,7 +78,7 @@ def test_the_intact_recordings_are_read(whole, kind):
     assert read_all(whole[kind][0]) == 16
 
 
-@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 @pytest.mark.parametrize('kind', KINDS)
 def test_wherever_it_is_cut_only_a_known_error_comes_out(whole, tmp_path_factory, kind, data):
@@ -96,7 +96,7 @@ def test_wherever_it_is_cut_only_a_known_error_comes_out(whole, tmp_path_factory
     shutil.rmtree(copy.parent)
 
 
-@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 @pytest.mark.parametrize('kind', KINDS)
 def test_whatever_byte_is_damaged_only_a_known_error_comes_out(

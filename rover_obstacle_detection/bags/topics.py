@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 
 from rover_obstacle_detection.errors import BagError
 
@@ -16,7 +17,9 @@ _EYES = {'left': 'right', 'infra1': 'infra2'}
 _LEFT_WORD = re.compile(rf'(?<![a-z])({"|".join(_EYES)})(?![a-z0-9])', re.I)
 _RIGHT_WORD = re.compile(rf'(?<![a-z])({"|".join(_EYES.values())})(?![a-z0-9])', re.I)
 # Words of a path component that tell of the image, not of the camera: left_raw is left's raw.
-_IMAGE_WORDS = re.compile(r'(?<![a-z])(image|raw|rect|colou?r|gr[ae]y|mono)(?![a-z])', re.I)
+_IMAGE_WORDS = re.compile(
+    r'(?<![a-z])(camera_info|image|raw|rect|colou?r|gr[ae]y|mono)(?![a-z])', re.I
+)
 _OTHER_PICTURES = re.compile(
     r'depth|disparity|mask|label|segment|semantic|confidence|normal|debug|detection|truth', re.I
 )
@@ -36,7 +39,8 @@ class StereoTopics:
     @property
     def namespace(self) -> str:
         """What the image topics have in common before the eye: ``/stereo``, or empty."""
-        return _camera_key(self.left_image, _LEFT_WORD).rpartition('/')[0]
+        parts = zip(self.left_image.split('/'), self.right_image.split('/'), strict=False)
+        return '/'.join(left for left, _ in takewhile(lambda pair: pair[0] == pair[1], parts))
 
     @property
     def is_rectified(self) -> bool:
@@ -73,11 +77,16 @@ def find_stereo_topics(
     _check_given(topics, (left_info, right_info), (INFO_TYPE,))
     if left_image is None or right_image is None:
         left_image, right_image = _find_images(topics, left_image, right_image)
+    if left_image == right_image:
+        msg = f'left and right are both {left_image}: expected two topics'
+        raise BagError(msg)
+    left_found = _find_info(topics, left_image, _LEFT_WORD)
+    right_found = _find_info(topics, right_image, _RIGHT_WORD)
+    if left_found == right_found:
+        # One camera_info beside both images can be neither eye's for sure.
+        left_found = right_found = None
     return StereoTopics(
-        left_image=left_image,
-        right_image=right_image,
-        left_info=left_info or _find_info(topics, left_image, _LEFT_WORD),
-        right_info=right_info or _find_info(topics, right_image, _RIGHT_WORD),
+        left_image, right_image, left_info or left_found, right_info or right_found
     )
 
 
@@ -184,7 +193,7 @@ def _camera_key(topic: str, eye: re.Pattern[str]) -> str:
 
 def _find_info(topics: Mapping[str, str], image: str, eye: re.Pattern[str]) -> str | None:
     beside = image.removesuffix(_TRANSPORT).rpartition('/')[0] + '/camera_info'
-    if topics.get(beside) == INFO_TYPE and eye.search(beside):
+    if topics.get(beside) == INFO_TYPE:
         return beside
     key = _camera_key(image, eye)
     same = [
@@ -192,9 +201,7 @@ def _find_info(topics: Mapping[str, str], image: str, eye: re.Pattern[str]) -> s
         for name, type_name in sorted(topics.items())
         if type_name == INFO_TYPE and eye.search(name) and _camera_key(name, eye) == key
     ]
-    if same:
-        return same[0]
-    return beside if topics.get(beside) == INFO_TYPE else None
+    return same[0] if same else None
 
 
 def _no_pair(topics: Mapping[str, str]) -> str:
