@@ -100,7 +100,7 @@ def replay_bag(
     """
     with open_bag(path) as bag:
         if bag.notes and not options.salvage:
-            raise BagError(f'{bag.notes[0]}; --salvage replays it')
+            raise BagError(f'{bag.notes[0]}; give --salvage to replay these')
         topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
         calibration = (
             load_stereo_calibration(*options.calibration) if options.calibration else None
@@ -121,7 +121,7 @@ def replay_bag(
                 for done, pair in enumerate(run.timed(pairs), start=1):
                     run.process(pair, writer)
                     on_progress(done, max(done, expected))
-                summary = run.summary(path, pairs)
+                summary = run.summary(bag, pairs)
             write_json(folder / 'summary.json', summary.as_json())
     return summary
 
@@ -172,13 +172,14 @@ class _Run:
         taken_ms = self._stopwatch.take_ms()
         self._frames.append(ReplayFrame(number, pair.stamp_ns, summary, taken_ms))
 
-    def summary(self, path: Path, pairs: StereoPairs) -> ReplaySummary:
+    def summary(self, bag: BagReader, pairs: StereoPairs) -> ReplaySummary:
         """Sum up; not one usable pair is an error."""
         statistics = pairs.statistics
         if not self._frames:
-            raise BagError(_nothing_usable(path, self._topics, statistics, self._bad_frames))
+            raise BagError(_nothing_usable(bag.path, self._topics, statistics, self._bad_frames))
         return ReplaySummary(
-            bag=str(path),
+            bag=str(bag.path),
+            notes=bag.notes,
             topics=self._topics,
             cameras=tuple(self._cameras),
             config=self._options.config,

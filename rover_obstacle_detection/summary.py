@@ -110,9 +110,10 @@ class ReplayFrame:
 
 @dataclass(frozen=True)
 class ReplaySummary:
-    """The replay of one recording."""
+    """The replay of one recording; `notes` say what is wrong with it although it was read."""
 
     bag: str
+    notes: tuple[str, ...]
     topics: StereoTopics
     cameras: tuple[StereoCamera, ...]
     config: DetectorConfig
@@ -137,6 +138,7 @@ class ReplaySummary:
         return {
             **preamble('replay', self.config),
             'bag': self.bag,
+            'notes': list(self.notes),
             'topics': dataclasses.asdict(self.topics),
             'cameras': [dataclasses.asdict(camera) for camera in self.cameras],
             'counts': {

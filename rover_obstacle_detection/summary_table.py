@@ -27,7 +27,7 @@ class _Row(NamedTuple):
 
 
 def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
-    """Tabulate replays, a column each; what was wrong with bad frames stands beneath."""
+    """Tabulate replays, a column each; what was wrong with bags and frames stands beneath."""
     if len(summaries) == 1:
         tables = [_table(summaries, with_remarks=True)]
     else:
@@ -35,8 +35,8 @@ def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
             _table(summaries[start : start + _COLUMNS], with_remarks=False)
             for start in range(0, len(summaries), _COLUMNS)
         ]
-    reasons = [line for summary in summaries for line in _bad_frames(summary)]
-    return Group(*tables, *reasons)
+    remarks = [line for summary in summaries for line in _remarks(summary)]
+    return Group(*tables, *remarks)
 
 
 def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
@@ -111,7 +111,8 @@ def _time(name: str, time: StageTime) -> _Row:
     return _Row(name, f'{time.mean_ms:.1f}', f'95 % under {time.p95_ms:.1f}')
 
 
-def _bad_frames(summary: ReplaySummary) -> Iterable[Text]:
+def _remarks(summary: ReplaySummary) -> Iterable[Text]:
+    yield from (Text(note) for note in summary.notes)
     for bad in summary.bad_frames[:_LISTED_REASONS]:
         yield Text(f'bad frame at {bad.stamp_ns / 1e9:.3f} s: {bad.reason}')
     more = len(summary.bad_frames) - _LISTED_REASONS
