@@ -33,6 +33,7 @@ def both(*names):
         ('/{}_camera/image', '/{}_camera/camera_info'),
         ('/navcam_{}', '/navcam_{}/camera_info'),
         ('/{}_image', '/{}_camera_info'),
+        ('/obstacle_detection/{}/image_rect', '/obstacle_detection/{}/camera_info'),
         ('/zed/zed_node/{}_raw/image_raw_color', '/zed/zed_node/{}_raw/camera_info'),
     ],
 )
@@ -91,7 +92,8 @@ def test_a_raw_topic_beside_a_rectified_one_is_the_same_camera():
 
 
 @pytest.mark.parametrize(
-    'other', ['{}/depth', '{}/disparity', '{}/obstacle_mask', '{}/image_rect/compressedDepth']
+    'other',
+    ['{}/depth', '{}/disparity', 'depth_{}/image', '{}/image_rect/compressedDepth'],
 )
 def test_other_pictures_are_not_camera_images(other):
     assert find_stereo_topics(both('/s/{}/image', f'/s/{other}')).left_image == '/s/left/image'
@@ -161,7 +163,8 @@ def test_a_camera_info_that_both_eyes_would_share_is_none():
     ],
 )
 def test_the_namespace_is_what_comes_before_the_eye(image, namespace):
-    assert StereoTopics(image, image.replace('left', 'right')).namespace == namespace
+    right = image.replace('left', 'right').replace('cam0', 'cam1')
+    assert StereoTopics(image, right).namespace == namespace
 
 
 @pytest.mark.parametrize(

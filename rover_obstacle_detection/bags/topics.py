@@ -21,7 +21,7 @@ _IMAGE_WORDS = re.compile(
     r'(?<![a-z])(camera_info|image|raw|rect|colou?r|gr[ae]y|mono)(?![a-z])', re.I
 )
 _OTHER_PICTURES = re.compile(
-    r'depth|disparity|mask|label|segment|semantic|confidence|normal|debug|detection|truth', re.I
+    r'depth|disparity|mask|label|instance|segment|semantic|confidence|normal|debug|detection', re.I
 )
 _TRANSPORT = '/compressed'
 _LISTED = 12
@@ -160,7 +160,9 @@ def _opposite(eye: str) -> str:
 def _is_camera_image(name: str, topics: Mapping[str, str]) -> bool:
     if topics[name] not in (IMAGE_TYPE, COMPRESSED_TYPE):
         return False
-    return not _OTHER_PICTURES.search(name)
+    # What comes before the eye is a namespace and says nothing of the picture.
+    eye = _LEFT_WORD.search(name) or _RIGHT_WORD.search(name)
+    return not _OTHER_PICTURES.search(name, name.rfind('/', 0, eye.start()) + 1 if eye else 0)
 
 
 def _base_name(topic: str) -> str:
