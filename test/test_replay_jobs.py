@@ -1,0 +1,34 @@
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+from rover_obstacle_detection import replay_jobs
+from rover_obstacle_detection.errors import OutputError
+from rover_obstacle_detection.replay_jobs import ReplayJob, plan_jobs
+
+
+def test_a_single_bag_gets_the_output_folder_itself(tmp_path):
+    (job,) = plan_jobs([tmp_path / 'drive'], Path('out'))
+    assert job == ReplayJob(tmp_path / 'drive', Path('out'))
+
+
+def test_several_bags_get_a_folder_each_named_after_them(tmp_path):
+    file = tmp_path / 'day.two.mcap'
+    file.touch()
+    folder = tmp_path / 'day.one'
+    folder.mkdir()
+    jobs = plan_jobs([file, folder, folder, folder / '..' / 'day.one'], Path('out'))
+    assert [job.output for job in jobs] == [
+        Path('out/day.two'),
+        Path('out/day.one'),
+        Path('out/day.one_2'),
+        Path('out/day.one_3'),
+    ]
+
+
+def test_a_worker_that_died_is_an_error_of_its_bag(tmp_path):
+    future = Future()
+    future.set_exception(BrokenProcessPool('gone'))
+    result = replay_jobs._result(future, ReplayJob(tmp_path / 'drive', tmp_path / 'out'))
+    assert isinstance(result, OutputError)
+    assert str(result).startswith(f'{tmp_path / "drive"}: a worker process ended')
