@@ -46,7 +46,7 @@ def are_swapped(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -
     )
 
 
-def _matched_share(left: NDArray[np.uint8], right: NDArray[np.uint8], offset: int) -> float:
+def _matched_share(left: NDArray[Any], right: NDArray[Any], offset: int) -> float:
     matcher = cv2.StereoSGBM.create(
         minDisparity=offset,
         numDisparities=DISPARITIES,

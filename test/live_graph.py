@@ -20,7 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.messages.factory import MessageFactory
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.image import encode_image
 from rover_obstacle_detection.node.rclpy_factory import RclpyFactory, message_type
@@ -89,6 +91,7 @@ class Topic:
     """A subscription that keeps what came, with the time of arrival."""
 
     def __init__(self) -> None:
+        self.subscription: Any = None
         self.messages: list[Any] = []
         self.arrivals_s: list[float] = []
 
@@ -110,9 +113,11 @@ class Diagnostics:
     def __init__(self) -> None:
         self.count = 0
         self.statuses: dict[str, Any] = {}
+        self.stamps_ns: list[int] = []
 
     def take(self, array: Any) -> None:
         self.count += 1
+        self.stamps_ns.append(stamp_ns(array.header))
         for status in array.status:
             self.statuses[status.name.partition(': ')[2]] = status
 
@@ -160,8 +165,13 @@ class LiveGraph:
 
     def subscribe(self, type_name: str, topic: str, depth: int = 10) -> Topic:
         kept = Topic()
-        self.node.create_subscription(message_type(type_name), topic, kept.take, depth)
+        kept.subscription = self.node.create_subscription(
+            message_type(type_name), topic, kept.take, depth
+        )
         return kept
+
+    def unsubscribe(self, topic: Topic) -> None:
+        self.node.destroy_subscription(topic.subscription)
 
     def diagnostics(self) -> Diagnostics:
         kept = Diagnostics()
@@ -228,20 +238,10 @@ class Camera:
         )
 
     def info(self, camera: StereoCamera, side: str, stamp: int) -> Any:
-        p = [camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0]
-        if side == 'right':
-            p[3] = -camera.fx * camera.baseline_m
-        return self.graph.factory.make(
-            'sensor_msgs/msg/CameraInfo',
-            header=make_header(stamp, FRAME, self.graph.factory),
-            width=camera.width,
-            height=camera.height,
-            p=np.array(p, np.float64),
-        )
+        return make_info(camera, side, stamp, self.graph.factory)
 
     def image(self, array: np.ndarray, stamp: int) -> Any:
-        factory = self.graph.factory
-        return encode_image(array, 'mono8', make_header(stamp, FRAME, factory), factory)
+        return make_image(array, stamp, self.graph.factory)
 
     def send_infos(self, camera: StereoCamera, stamp: int) -> None:
         for side in ('left', 'right'):
@@ -255,6 +255,34 @@ class Camera:
         """Send a good pair with its calibration."""
         self.send_infos(camera, stamp)
         self.send_images(self.image(left, stamp), self.image(right, stamp))
+
+
+def make_info(camera: StereoCamera, side: str, stamp: int, factory: MessageFactory) -> Any:
+    p = [camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0]
+    if side == 'right':
+        p[3] = -camera.fx * camera.baseline_m
+    return factory.make(
+        'sensor_msgs/msg/CameraInfo',
+        header=make_header(stamp, FRAME, factory),
+        width=camera.width,
+        height=camera.height,
+        p=np.array(p, np.float64),
+    )
+
+
+def make_image(array: np.ndarray, stamp: int, factory: MessageFactory) -> Any:
+    return encode_image(array, 'mono8', make_header(stamp, FRAME, factory), factory)
+
+
+def write_stereo_bag(path: Path, view: Any, stamps: Sequence[int]) -> None:
+    """Record the same pair over and over."""
+    with BagWriter(path) as bag:
+        for stamp in stamps:
+            for side, array in (('left', view.left), ('right', view.right)):
+                info = make_info(view.scene.camera, side, stamp, bag.factory)
+                image = make_image(array, stamp, bag.factory)
+                bag.add(f'/stereo/{side}/camera_info', 'sensor_msgs/msg/CameraInfo', info, stamp)
+                bag.add(f'/stereo/{side}/image_rect', 'sensor_msgs/msg/Image', image, stamp)
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from rover_obstacle_detection.node.parameters import (
     declare_parameters,
     judge_change,
     unknown_parameters,
+    with_decimals,
 )
 from rover_obstacle_detection.node.publishers import OutputPublishers
 from rover_obstacle_detection.node.settings import Settings
@@ -52,6 +53,7 @@ class ObstacleDetector(LifecycleNode):
     def __init__(self, **options: Any) -> None:
         super().__init__(NAME, **options)
         self._settings = declare_parameters(self)
+        self.add_pre_set_parameters_callback(with_decimals)
         self.add_on_set_parameters_callback(self._judge_change)
         self.add_post_set_parameters_callback(self._take_change)
         logger = self.get_logger()

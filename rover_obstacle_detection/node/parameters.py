@@ -12,6 +12,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.parameter import Parameter
 
 from rover_obstacle_detection.detection.config import ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError, ObstacleDetectionError
@@ -32,6 +33,8 @@ def declare_parameters(node: Any) -> Settings:
     ConfigurationError
         In one line, if a given value has another type, is out of range, or contradicts another.
     """
+    given = getattr(node, '_parameter_overrides', {})
+    given.update({each.name: each for each in with_decimals(given.values())})
     for description in all_parameters():
         try:
             node.declare_parameter(
@@ -69,7 +72,7 @@ def make_descriptor(description: ParameterDescription) -> ParameterDescriptor:
     return descriptor
 
 
-def current_settings(node: Any, changes: Iterable[Any] = ()) -> Settings:
+def current_settings(node: Any, changes: Iterable[Parameter] = ()) -> Settings:
     """Read all parameters, with some changed, and check them together.
 
     Parameters
@@ -91,7 +94,18 @@ def current_settings(node: Any, changes: Iterable[Any] = ()) -> Settings:
     return settings
 
 
-def judge_change(node: Any, changes: Iterable[Any]) -> SetParametersResult:
+def with_decimals(changes: Iterable[Parameter]) -> list[Parameter]:
+    """Take whole numbers for parameters that have decimals; ROS itself refuses them."""
+    decimals = {each.name for each in all_parameters() if isinstance(each.default, float)}
+    return [
+        Parameter(each.name, value=float(each.value))
+        if each.name in decimals and each.type_ == Parameter.Type.INTEGER
+        else each
+        for each in changes
+    ]
+
+
+def judge_change(node: Any, changes: Iterable[Parameter]) -> SetParametersResult:
     """Answer a request to set parameters: refused with the reason if they do not fit."""
     try:
         current_settings(node, changes)
@@ -117,6 +131,4 @@ def _why_refused(node: Any, description: ParameterDescription, error: Exception)
         description.check(value)
     except ConfigurationError as reason:
         return str(reason)
-    if isinstance(description.default, float) and isinstance(value, int):
-        return f'{description.name} is {value}: expected a decimal point, as in {value}.0'
     return str(error)

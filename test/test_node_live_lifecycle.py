@@ -1,0 +1,164 @@
+"""Lifecycle transitions, and the end of the process, whenever it comes."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+import synthetic
+from live_graph import Camera, LiveGraph, Process, live_graph
+
+VIEW = synthetic.render(synthetic.mast())
+CAMERA = VIEW.scene.camera
+MASK = '/stereo/obstacle_mask'
+LEFT_IMAGE = '/stereo/left/image_rect'
+
+
+def state(graph: LiveGraph) -> str:
+    from lifecycle_msgs.srv import GetState
+
+    answer = graph.call(GetState, '/stereo/obstacle_detector/get_state', GetState.Request())
+    return str(answer.current_state.label)
+
+
+def change(graph: LiveGraph, name: str) -> bool:
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    number = getattr(Transition, f'TRANSITION_{name.upper()}')
+    request = ChangeState.Request(transition=Transition(id=number))
+    return bool(graph.call(ChangeState, '/stereo/obstacle_detector/change_state', request).success)
+
+
+class Stream:
+    """Pairs as fast as the test comes round to it, stamped with the clock."""
+
+    def __init__(self, graph: LiveGraph) -> None:
+        self.camera = Camera(graph)
+        self.left = self.camera.image(VIEW.left, 1)
+        self.right = self.camera.image(VIEW.right, 1)
+
+    def send(self) -> None:
+        stamp = time.time_ns()
+        self.camera.send_infos(CAMERA, stamp)
+        for image in (self.left, self.right):
+            image.header.stamp.sec, image.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        self.camera.send_images(self.left, self.right)
+
+
+def wait_for_new_mask(graph: LiveGraph, masks: Any, stream: Stream, process: Process) -> None:
+    count = len(masks.messages)
+
+    def came() -> bool:
+        stream.send()
+        return len(masks.messages) > count
+
+    graph.wait_for(came, process)
+
+
+def test_lifecycle_manager_can_hold_the_node(tmp_path: Path) -> None:
+    with live_graph(tmp_path) as graph:
+        diagnostics = graph.diagnostics()
+        masks = graph.subscribe('sensor_msgs/msg/Image', MASK)
+        process = graph.start(
+            'run', '--namespace', 'stereo', '--ros-args', '-p', 'autostart:=false'
+        )
+        stream = Stream(graph)
+        assert state(graph) == 'unconfigured'
+        graph.wait_for(lambda: diagnostics.message('stereo input').startswith('unconfigured'))
+
+        assert change(graph, 'configure')
+        assert state(graph) == 'inactive'
+        graph.wait_for(lambda: graph.node.count_publishers(MASK) == 1)
+        assert graph.node.count_subscribers(LEFT_IMAGE) == 0
+
+        for _ in range(2):
+            assert change(graph, 'activate')
+            wait_for_new_mask(graph, masks, stream, process)
+            assert state(graph) == 'active'
+            assert change(graph, 'deactivate')
+            graph.wait_for(lambda: graph.node.count_subscribers(LEFT_IMAGE) == 0)
+
+        assert change(graph, 'cleanup')
+        graph.wait_for(lambda: graph.node.count_publishers(MASK) == 0)
+        assert change(graph, 'configure')
+        assert change(graph, 'activate')
+        wait_for_new_mask(graph, masks, stream, process)
+
+        assert change(graph, 'active_shutdown')
+        assert state(graph) == 'finalized'
+        assert process.stop() == 0
+        assert 'Traceback' not in process.output
+
+
+def test_node_rests_while_nobody_listens(tmp_path: Path) -> None:
+    with live_graph(tmp_path) as graph:
+        diagnostics = graph.diagnostics()
+        process = graph.start_node()
+        stream = Stream(graph)
+        graph.wait_for(lambda: diagnostics.message('detection').startswith('resting'))
+        assert graph.node.count_subscribers(LEFT_IMAGE) == 0
+
+        # Any output will do, and only that one is made.
+        markers = graph.subscribe('visualization_msgs/msg/MarkerArray', '/stereo/obstacle_markers')
+        wait_for_new_mask(graph, markers, stream, process)
+
+        graph.unsubscribe(markers)
+        graph.wait_for(lambda: graph.node.count_subscribers(LEFT_IMAGE) == 0)
+        graph.wait_for(lambda: diagnostics.message('detection').startswith('resting'))
+
+
+@pytest.mark.parametrize(
+    'signals',
+    [
+        (signal.SIGINT,),
+        (signal.SIGINT, signal.SIGINT),
+        (signal.SIGTERM,),
+    ],
+    ids=lambda signals: '+'.join(each.name for each in signals),
+)
+def test_signal_during_detection_ends_it_cleanly(
+    tmp_path: Path, signals: tuple[signal.Signals, ...]
+) -> None:
+    with live_graph(tmp_path) as graph:
+        masks = graph.subscribe('sensor_msgs/msg/Image', MASK)
+        process = graph.start_node()
+        stream = Stream(graph)
+        wait_for_new_mask(graph, masks, stream, process)
+        for _ in range(20):
+            stream.send()
+
+        for number in signals:
+            process.send(number)
+
+        assert process.wait() == 0
+        assert 'Traceback' not in process.output
+        assert 'rror' not in process.output
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'reason'),
+    [
+        (('-p', 'max_step:=9.5'), 'max_step is 9.5: expected 0.01 to 2'),
+        (('-p', 'max_step:=high'), "max_step is 'high': expected a number"),
+        (('-p', 'max_range:=0.2'), 'max_range is 0.2: expected more than min_range'),
+        (('--params-file', 'missing.yaml'), 'missing.yaml'),
+    ],
+)
+def test_start_that_cannot_succeed_ends_in_one_line(
+    tmp_path: Path, arguments: tuple[str, ...], reason: str
+) -> None:
+    with live_graph(tmp_path) as graph:
+        process = graph.start('run', '--ros-args', *arguments)
+
+        assert process.wait() == 1
+        lines = [line for line in process.output.splitlines() if '[rcl]' not in line]
+        assert len(lines) == 1, process.output
+        assert lines[0].startswith('rover-obstacles: error: ')
+        assert reason in lines[0]
