@@ -30,7 +30,7 @@ setup(
         'numpy>=1.26',
         'opencv-python-headless>=4.8',
         'rich>=13',
-        'rosbags>=0.10.5',
+        'rosbags>=0.11.9',
         'ruamel.yaml>=0.18',
     ],
     extras_require={
@@ -44,6 +44,7 @@ setup(
         'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],
         'test': [
             'hypothesis>=6',
+            'mcap-ros2-support>=0.5',
             'mcap-ros2-support>=0.5.3',
             # These find something new to say with every minor release.
             'mypy==2.4.*',

@@ -25,7 +25,7 @@ class FixedCamera:
     camera : StereoCamera
     """
 
-    source = 'the given calibration'
+    source = 'the given one'
     info_topics: AbstractSet[str] = frozenset()
 
     def __init__(self, camera: StereoCamera) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from rover_obstacle_detection.bags.sources import Entry, Source, open_sources, read_failure
 from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
 from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.errors import BagError, CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 
 
@@ -137,8 +137,11 @@ class BagReader:
                 (topics.right_image, topics.right_info),
             )
         )
-        source = f'{self.path}: {topics.left_info} and {topics.right_info}'
-        return StereoCalibration(left, right, source)
+        try:
+            return StereoCalibration(left, right, f'{topics.left_info} and {topics.right_info}')
+        except CameraError as error:
+            msg = f'{self.path}: {error}'
+            raise CameraError(msg) from None
 
     def camera(self, topics: StereoTopics) -> StereoCamera:
         """Make the stereo camera of the first camera_info of each eye; see `calibration`."""

@@ -217,10 +217,12 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         if (self._seen_pairs - 1) % self._every:
             return
         try:
-            yield self._decode(pair)
-            self._decoded_pairs += 1
+            frame = self._decode(pair)
         except ImageError as error:
             yield BadFrame(pair.stamp_ns, self._topics.left_image, str(error))
+        else:
+            self._decoded_pairs += 1
+            yield frame
 
     def _decode(self, pair: Pair) -> StereoPair:
         left = decode_any_image(pair.left, self._topics.left_image)
@@ -250,7 +252,8 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             return
         msg = (
             f'{topics.left_image} and {topics.right_image} are {_size(left.shape)}, '
-            f'but {self._watch.source} is for {_size(expected)}: expected the same size'
+            f'but the calibration ({self._watch.source}) is for {_size(expected)}: '
+            'expected the same size'
         )
         if self._decoded_pairs:
             raise ImageError(msg)

@@ -1,0 +1,303 @@
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+from recordings import (
+    FRAME_NS,
+    HEIGHT,
+    IMAGE,
+    INFO,
+    ROS1,
+    ROS2,
+    START_NS,
+    WIDTH,
+    WRITERS,
+    Recorded,
+    image,
+    info,
+    pixels,
+    stereo_messages,
+    write_ros2,
+)
+
+from rover_obstacle_detection import StereoCamera
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, read_pairs
+from rover_obstacle_detection.errors import BagError, CameraError
+from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
+from rover_obstacle_detection.messages.header import stamp_ns
+from rover_obstacle_detection.messages.image import decode_image
+from rover_obstacle_detection.messages.rectification import Rectification
+
+LEFT, RIGHT = '/stereo/left/image_rect', '/stereo/right/image_rect'
+LEFT_INFO, RIGHT_INFO = '/stereo/left/camera_info', '/stereo/right/camera_info'
+
+
+def stamp_of(number):
+    return START_NS + number * FRAME_NS
+
+
+def read(path, **options):
+    """Read all pairs of a recording; return them and the reader of them."""
+    with open_bag(path) as bag:
+        pairs = read_pairs(bag, bag.stereo_topics(), **options)
+        return list(pairs), pairs
+
+
+def write(tmp_path, messages):
+    return write_ros2(tmp_path / 'bag', messages)
+
+
+def replaced(messages, topic, number, message, type_name=IMAGE):
+    """Exchange one message of a recording."""
+    return [
+        Recorded(topic, type_name, message, each.time_ns)
+        if (each.topic, each.time_ns) == (topic, stamp_of(number))
+        else each
+        for each in messages
+    ]
+
+
+@pytest.mark.parametrize('kind', WRITERS)
+@pytest.mark.parametrize('is_compressed', [False, True])
+def test_pairs_are_read_from_every_format(tmp_path, kind, is_compressed):
+    factory = ROS1 if kind == 'rosbag1' else ROS2
+    messages = stereo_messages(3, factory=factory, is_compressed=is_compressed)
+    frames, pairs = read(WRITERS[kind](tmp_path / 'bag', messages))
+    assert len(frames) == 3
+    for number, pair in enumerate(frames):
+        assert pair.stamp_ns == stamp_ns(pair.left_header) == stamp_of(number)
+        assert pair.frame_id == pair.left_header.frame_id == 'left_optical'
+        np.testing.assert_array_equal(pair.left, pixels(number, 'left'))
+        np.testing.assert_array_equal(pair.right, pixels(number, 'right'))
+        assert (pair.camera.shape, pair.camera.fx) == ((HEIGHT, WIDTH), 40)
+        assert pair.extras == {}
+    assert (pairs.statistics.left, pairs.statistics.right, pairs.statistics.pairs) == (3, 3, 3)
+    assert pairs.bad_frames == 0
+
+
+@pytest.mark.parametrize(
+    ('options', 'numbers'),
+    [
+        ({'start_s': 0.25}, [3, 4, 5]),
+        ({'duration_s': 0.25}, [0, 1, 2]),
+        ({'start_s': 0.1, 'duration_s': 0.3}, [1, 2, 3]),
+        ({'every': 2}, [0, 2, 4]),
+        ({'every': 4}, [0, 4]),
+        ({'start_s': 60.0}, []),
+    ],
+)
+def test_a_part_of_the_recording_is_read(tmp_path, options, numbers):
+    frames, _ = read(write(tmp_path, stereo_messages(6)), **options)
+    assert [frame.stamp_ns for frame in frames] == [stamp_of(number) for number in numbers]
+
+
+def test_stamps_that_differ_are_paired_within_a_tolerance_only(tmp_path):
+    path = write(tmp_path, stereo_messages(5, gap_ns=3_000_000))
+    frames, pairs = read(path)
+    assert frames == []
+    assert pairs.statistics.smallest_gap_ns == 3_000_000
+    assert (pairs.statistics.unmatched_left, pairs.statistics.unmatched_right) == (5, 5)
+    frames, pairs = read(path, tolerance_ns=5_000_000)
+    assert [frame.stamp_ns for frame in frames] == [stamp_of(number) for number in range(5)]
+    np.testing.assert_array_equal(frames[4].right, pixels(4, 'right'))
+    assert pairs.statistics.unmatched_left == 0
+
+
+def test_a_missing_image_is_counted(tmp_path):
+    messages = [
+        each for each in stereo_messages(4) if (each.topic, each.time_ns) != (RIGHT, stamp_of(1))
+    ]
+    frames, pairs = read(write(tmp_path, messages))
+    assert [frame.stamp_ns for frame in frames] == [stamp_of(number) for number in (0, 2, 3)]
+    assert pairs.statistics.unmatched_left == 1
+
+
+def broken(change):
+    message = image(pixels(1), stamp_of(1))
+    change(message)
+    return message
+
+
+@pytest.mark.parametrize(
+    ('topic', 'change', 'words'),
+    [
+        (LEFT, lambda m: setattr(m, 'step', 5), f'{LEFT}: step is 5'),
+        (RIGHT, lambda m: setattr(m, 'encoding', 'yuv'), f"{RIGHT}: encoding is 'yuv'"),
+        (LEFT, lambda m: setattr(m, 'data', m.data[:9]), f'{LEFT}: data has 9 bytes'),
+        (RIGHT, lambda m: setattr(m, 'width', 0), f'{RIGHT}: width is 0'),
+        (
+            RIGHT,
+            lambda m: (setattr(m, 'height', 12), setattr(m, 'data', m.data[: 12 * WIDTH])),
+            f'{RIGHT} is 32 x 12, {LEFT} is 32 x 24: expected the same size',
+        ),
+        (LEFT, lambda m: setattr(m.header.stamp, 'sec', 0), f'{LEFT}: header.stamp is 0.1 s'),
+    ],
+)
+@pytest.mark.parametrize('number', [0, 1])
+def test_a_bad_frame_is_told_of_and_skipped(tmp_path, topic, change, words, number):
+    message = image(pixels(number), stamp_of(number))
+    if 'header.stamp' in words:
+        message.header.stamp.sec = message.header.stamp.nanosec = 0
+        words = f'{topic}: header.stamp is 0 s'
+    else:
+        change(message)
+    messages = replaced(stereo_messages(3), topic, number, message)
+    frames, pairs = read(write(tmp_path, messages))
+    bad = [frame for frame in frames if isinstance(frame, BadFrame)]
+    good = [frame.stamp_ns for frame in frames if isinstance(frame, StereoPair)]
+    assert good == [stamp_of(other) for other in range(3) if other != number]
+    assert len(bad) == pairs.bad_frames == 1
+    assert bad[0].reason.startswith(words)
+    assert bad[0].stamp_ns == stamp_of(number)
+
+
+def test_a_corrupt_compressed_image_is_a_bad_frame(tmp_path):
+    messages = stereo_messages(3, is_compressed=True)
+    topic = f'{LEFT}/compressed'
+    for each in messages:
+        if (each.topic, each.time_ns) == (topic, stamp_of(1)):
+            each.message.data = each.message.data[:40]
+    frames, _ = read(write(tmp_path, messages))
+    assert [type(frame) for frame in frames] == [StereoPair, BadFrame, StereoPair]
+    assert frames[1].reason.startswith(f'{topic}: data is a PNG file of 40 bytes cut short')
+
+
+def test_a_message_that_cannot_be_decoded_is_a_bad_frame(tmp_path):
+    text = ROS2.make('std_msgs/msg/String', data='?')
+    messages = replaced(stereo_messages(3), RIGHT, 1, text, 'std_msgs/msg/String')
+    frames, pairs = read(write(tmp_path, messages))
+    assert [type(frame) for frame in frames] == [StereoPair, BadFrame, StereoPair]
+    assert frames[1].topic == RIGHT
+    assert frames[1].reason.startswith(f'{RIGHT}: sensor_msgs/msg/Image cannot be decoded')
+    assert pairs.bad_frames == 1
+
+
+def test_a_calibration_of_another_size_is_an_error_that_names_both(tmp_path):
+    path = write(tmp_path, stereo_messages(2, size=(64, 48)))
+    with pytest.raises(BagError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f'{path}: {LEFT} and {RIGHT} are 32 x 24, but the calibration ({LEFT_INFO} and '
+        f'{RIGHT_INFO}) is for 64 x 48: expected the same size'
+    )
+
+
+def test_images_that_change_size_on_the_way_are_bad_frames(tmp_path):
+    messages = stereo_messages(3)
+    for topic in (LEFT, RIGHT):
+        small = image(pixels(1)[:12], stamp_of(1))
+        messages = replaced(messages, topic, 1, small)
+    frames, _ = read(write(tmp_path, messages))
+    assert [type(frame) for frame in frames] == [StereoPair, BadFrame, StereoPair]
+    assert 'are 32 x 12, but the calibration' in frames[1].reason
+
+
+def test_a_given_camera_is_used_instead_of_the_recorded_one(tmp_path):
+    camera = StereoCamera(width=WIDTH, height=HEIGHT, fx=50, fy=50, cx=16, cy=12, baseline_m=0.2)
+    path = write(tmp_path, stereo_messages(2, with_info=False))
+    frames, _ = read(path, camera=camera)
+    assert [frame.camera for frame in frames] == [camera, camera]
+    with pytest.raises(BagError, match='no calibration'):
+        read(path)
+
+
+def test_a_change_of_calibration_is_taken_up_once_both_eyes_have_it(tmp_path):
+    messages = stereo_messages(2) + [
+        each._replace(time_ns=each.time_ns + 2 * FRAME_NS)
+        for each in later(stereo_messages(2, focal=44.0))
+    ]
+    frames, pairs = read(write(tmp_path, messages))
+    assert [frame.camera.fx for frame in frames][:2] == [40, 40]
+    assert frames[-1].camera.fx == 44
+    assert len(frames) == 4
+    assert pairs.bad_frames == 0
+
+
+def later(messages):
+    for each in messages:
+        each.message.header.stamp.nanosec += 2 * FRAME_NS
+    return messages
+
+
+def test_a_calibration_that_turns_bad_is_told_of_and_the_former_one_kept(tmp_path):
+    messages = stereo_messages(3)
+    for eye, topic in (('left', LEFT_INFO), ('right', RIGHT_INFO)):
+        zero = info(eye, stamp_of(1), focal=0.0)
+        messages = replaced(messages, topic, 1, zero, INFO)
+    frames, _ = read(write(tmp_path, messages))
+    bad = [frame for frame in frames if isinstance(frame, BadFrame)]
+    assert len(bad) == 1
+    assert 'P[0] (fx) is 0.0' in bad[0].reason
+    assert [frame.camera.fx for frame in frames if isinstance(frame, StereoPair)] == [40, 40, 40]
+
+
+def test_raw_images_are_rectified_and_it_is_said(tmp_path, caplog):
+    distortion = (-0.3, 0.1, 0.0, 0.0, 0.0)
+    messages = stereo_messages(2, name='image_raw', d=distortion)
+    with caplog.at_level(logging.WARNING):
+        frames, _ = read(write(tmp_path, messages))
+    assert len(caplog.messages) == 1
+    assert '/stereo/left/image_raw and /stereo/right/image_raw are raw' in caplog.messages[0]
+    rectify = Rectification(CameraInfo.from_message(info('left', 0, d=distortion)), 'info')
+    np.testing.assert_array_equal(frames[1].left, rectify(pixels(1, 'left')))
+    assert (frames[1].left != pixels(1, 'left')).any()
+
+
+@pytest.mark.parametrize(
+    ('name', 'd'), [('image_rect', (-0.3, 0.1, 0.0, 0.0, 0.0)), ('image_raw', (0.0,) * 5)]
+)
+def test_images_that_are_rectified_stay_as_they_are(tmp_path, caplog, name, d):
+    frames, _ = read(write(tmp_path, stereo_messages(1, name=name, d=d)))
+    np.testing.assert_array_equal(frames[0].left, pixels(0, 'left'))
+    assert caplog.messages == []
+
+
+def test_a_given_calibration_rectifies_too(tmp_path):
+    calibration = StereoCalibration(
+        *(
+            CameraInfo.from_message(info(eye, 0, d=(-0.3, 0.1, 0.0, 0.0, 0.0)))
+            for eye in ('left', 'right')
+        ),
+        'left.yaml and right.yaml',
+    )
+    path = write(tmp_path, stereo_messages(1, name='image_raw', with_info=False))
+    frames, _ = read(path, camera=calibration)
+    rectify = Rectification(calibration.right, 'yaml')
+    np.testing.assert_array_equal(frames[0].right, rectify(pixels(0, 'right')))
+
+
+def test_an_unknown_distortion_is_refused_where_it_matters(tmp_path):
+    messages = stereo_messages(1, name='image_raw', d=(0.1, 0.0, 0.0, 0.0, 0.0))
+    for each in messages:
+        if each.type_name == INFO:
+            each.message.distortion_model = 'scaramuzza'
+    with pytest.raises(CameraError, match="distortion_model is 'scaramuzza'"):
+        read(write(tmp_path, messages))
+
+
+@pytest.mark.parametrize('order', ['before', 'after'])
+def test_extra_topics_come_with_their_pair(tmp_path, order):
+    labels = [
+        Recorded(
+            '/truth/labels', IMAGE, image(pixels(10 + number), stamp_of(number)), stamp_of(number)
+        )
+        for number in (0, 2)
+    ]
+    messages = stereo_messages(3)
+    path = write(tmp_path, [*labels, *messages] if order == 'before' else [*messages, *labels])
+    frames, _ = read(path, extra_topics=['/truth/labels'])
+    assert [list(frame.extras) for frame in frames] == [['/truth/labels'], [], ['/truth/labels']]
+    shown = decode_image(frames[2].extras['/truth/labels'], 'labels')
+    np.testing.assert_array_equal(shown, pixels(12))
+
+
+def test_a_recording_is_not_held_back_by_extras_that_do_not_come(tmp_path):
+    path = write(tmp_path, stereo_messages(40))
+    with open_bag(path) as bag:
+        pairs = read_pairs(bag, bag.stereo_topics(), extra_topics=['/truth/labels'])
+        assert next(pairs).stamp_ns == stamp_of(0)
+        assert pairs.statistics.left < 15
+        assert len(list(pairs)) == 39
