@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from rover_obstacle_detection.detection.morphology import close_then_open
 from rover_obstacle_detection.detection.regions import seed_regions
 from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
+from rover_obstacle_detection.detection.study import exceeds_terrain_limits
 from rover_obstacle_detection.detection.terrain import (
     elevation_along,
     window_roughness,
@@ -39,9 +41,9 @@ class Wang:
 
     The study gives no numbers for the original; here 3D points lie on a grid of 8 pixels and a
     window holds 5 x 5 of them. As in the study, a seed region is flagged where its windows are
-    too rough (over a tenth of ``max_step``) or too stepped (over 0.6 of it); T1, T4, the
-    bandwidths and the morphology are the study's. Judging a region as a whole does worse: most
-    rocks share a region with their ground.
+    too rough (over a tenth of ``max_step``) or too stepped (over 0.6 of it), noise apart; T1,
+    T4, the bandwidths and the morphology are the study's. Judging a region as a whole does
+    worse: most rocks share a region with their ground.
     """
 
     def __init__(self, config: DetectorConfig) -> None:
@@ -84,8 +86,18 @@ class Wang:
         disparity = sparse[::GRID, ::GRID] / np.float32(GRID)
         elevation_m = elevation_along(reproject(disparity, grid), plane.up_vector)
         max_step_m = self._config.max_step
-        rises = window_roughness(disparity, grid, WINDOW_POINTS) > MAX_ROUGHNESS_SHARE * max_step_m
-        rises |= window_step(elevation_m, WINDOW_POINTS) > MAX_STEP_SHARE * max_step_m
+        limits = replace(
+            self._config,
+            study_max_roughness=MAX_ROUGHNESS_SHARE * max_step_m,
+            study_max_step=MAX_STEP_SHARE * max_step_m,
+        )
+        rises = exceeds_terrain_limits(
+            window_roughness(disparity, grid, WINDOW_POINTS),
+            window_step(elevation_m, WINDOW_POINTS),
+            disparity * np.float32(GRID),
+            elevation_m,
+            limits,
+        )
         rows, columns = (
             np.minimum((np.arange(size) + GRID // 2) // GRID, of - 1)
             for size, of in zip(camera.shape, rises.shape, strict=True)
