@@ -22,6 +22,7 @@ from rover_obstacle_detection.ply import write_ply
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.stopwatch import Stopwatch
 from rover_obstacle_detection.summary import FrameSummary, obstacle_json, preamble, write_json
+from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
 
 OWN_FILES = (
     'mask.png',
@@ -74,6 +75,7 @@ def detect_pair(
         msg = f'{left}, {right}: {error}'
         raise ImageError(msg) from error
     stage_ms = stopwatch.take_ms()
+    refuse_swapped_eyes(detection, left_image, right_image, str(left), str(right))
     with output_folder(output, force=force, replaces=OWN_FILES) as folder:
         write_png(folder / 'mask.png', detection.mask)
         write_ply(folder / 'points.ply', detection.obstacle_points, detection.ground_points)

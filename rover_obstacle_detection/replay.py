@@ -31,6 +31,7 @@ from rover_obstacle_detection.summary import (
     ReplaySummary,
     write_json,
 )
+from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
 
 OnProgress = Callable[[int, int], None]
 """Called with the pairs done and the pairs expected."""
@@ -155,6 +156,10 @@ class _Run:
         lap = self._stopwatch.lap
         try:
             detection = self._detector_of(pair.camera).detect(pair.left, pair.right, on_stage=lap)
+            topics = self._topics
+            refuse_swapped_eyes(
+                detection, pair.left, pair.right, topics.left_image, topics.right_image
+            )
         except ImageError as error:
             self._bad_frames.append(BadFrame(pair.stamp_ns, self._topics.left_image, str(error)))
             return

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.image import grey_pair
+from rover_obstacle_detection.errors import ImageError
 
 WIDTH = 256
 DISPARITIES = 64
@@ -17,6 +19,39 @@ BLOCK = 5
 # Of a pair in the right order most pixels match; chance matches some tenths of a swapped one.
 SWAPPED_SHARE = 0.4
 SWAPPED_RATIO = 2.0
+# Under this share of pixels with a disparity it is worth looking for the reason.
+SUSPICIOUS_SHARE = 0.5
+
+
+def refuse_swapped_eyes(
+    detection: Detection,
+    left: NDArray[Any],
+    right: NDArray[Any],
+    left_name: str,
+    right_name: str,
+) -> None:
+    """Refuse a pair with few matches that has them the other way round.
+
+    Parameters
+    ----------
+    detection : Detection
+        Of this pair.
+    left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+    left_name, right_name : str
+        Topics or files, for the error.
+
+    Raises
+    ------
+    ImageError
+        If left and right are swapped.
+    """
+    matched_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
+    if matched_share < SUSPICIOUS_SHARE and are_swapped(left, right, detection.camera):
+        msg = (
+            f'{left_name}, {right_name}: the disparities are negative throughout: expected '
+            f'the left eye on {left_name}; are left and right swapped?'
+        )
+        raise ImageError(msg)
 
 
 def are_swapped(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> bool:

@@ -109,6 +109,12 @@ def _smaller(folder):
     cv2.imwrite(str(folder / 'right.png'), stereo_images()[1][:200])
 
 
+def _swap(folder):
+    (folder / 'left.png').rename(folder / 'other.png')
+    (folder / 'right.png').rename(folder / 'left.png')
+    (folder / 'other.png').rename(folder / 'right.png')
+
+
 def _negative_baseline(folder):
     text = (folder / 'right.yaml').read_text()
     (folder / 'right.yaml').write_text(text.replace(', -', ', '))
@@ -122,6 +128,7 @@ def _negative_baseline(folder):
         (_write('right.png', b'hello'), r'right\.png: data is not an image'),
         (_cut_short, r'left\.png: .*cut short'),
         (_smaller, r'right\.png.*320 x 200|right\.png.*200'),
+        (_swap, r'left\.png, .*right\.png: .*are left and right swapped'),
         (_remove('right.yaml'), r'right\.yaml: no such calibration file'),
         (_write('left.yaml', b'nonsense'), r'left\.yaml: is not a ROS camera calibration'),
         (_negative_baseline, r'right\.yaml.*baseline is -'),

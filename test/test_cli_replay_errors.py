@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hand_made import CAMERA, write_stereo_bag
+from hand_made import CAMERA, stereo_images, write_stereo_bag
 
 from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.cli.main import main
@@ -84,6 +84,11 @@ def _smaller_right(path):
     return write_stereo_bag(path, pairs=2, images=[(PLAIN[0], PLAIN[1][:-40])])
 
 
+def _swapped(path):
+    left, right = stereo_images()
+    return write_stereo_bag(path, pairs=2, images=[(right, left)])
+
+
 def _broken_jpeg(path):
     factory = RosbagsFactory()
 
@@ -121,6 +126,7 @@ def _broken_jpeg(path):
         (_with_images(step=100), r'/cam/left/image_rect: step is 100'),
         (_with_images(height=999), r'/cam/left/image_rect: data has 76800 bytes'),
         (_with_images(encoding='yuv999'), r"/cam/left/image_rect: encoding is 'yuv999'"),
+        (_swapped, r'no pair can be used: 2 left images .*are left and right swapped'),
         (_broken_jpeg, r'/cam/left/image_rect: data is'),
     ],
 )

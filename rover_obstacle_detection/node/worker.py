@@ -22,14 +22,12 @@ from rover_obstacle_detection.node.inputs import ImagePair
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
-from rover_obstacle_detection.swapped_eyes import are_swapped
+from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
 
 # A detection that runs is waited for; one that hangs does not keep the node from ending.
 PATIENCE_S = 20.0
 # The first pair may overtake the camera_info that was sent with it.
 CALIBRATION_PATIENCE_S = 0.2
-# Under this share of pixels with a disparity it is worth looking for the reason.
-SUSPICIOUS_SHARE = 0.5
 
 
 class Publishes(Protocol):
@@ -128,13 +126,7 @@ class DetectionWorker:
             left, right, gravity=self._sources.gravity(header)
         )
         valid_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
-        if valid_share < SUSPICIOUS_SHARE and are_swapped(left, right, camera):
-            left_topic, right_topic = self._sources.topics()
-            msg = (
-                f'{left_topic}, {right_topic}: the disparities are negative throughout: expected '
-                f'the left eye on {left_topic}; are left and right swapped?'
-            )
-            raise ImageError(msg)
+        refuse_swapped_eyes(detection, left, right, *self._sources.topics())
         self._outputs.publish(detection, header)
         self._statistics.detection(
             time.monotonic() - pair.arrival_s,
