@@ -15,9 +15,11 @@ from rover_obstacle_detection.detection.image import grey_pair
 def plain_stereo_seconds(camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> float:
     """Time SGBM (3WAY, 64 disparities, block 5, P1 300, P2 1200) on the grey pair, seconds."""
     grey_left, grey_right = grey_pair(left, right, camera)
+    # SGBM needs an image wider than its range.
+    disparities = min(64, (camera.width - 1) // 16 * 16)
     matcher = cv2.StereoSGBM.create(
         minDisparity=0,
-        numDisparities=64,
+        numDisparities=disparities,
         blockSize=5,
         P1=300,
         P2=1200,
