@@ -1,0 +1,91 @@
+"""Time methods next to plain SGBM: on the same pair, in the same run.
+
+    python benchmarks/method_times.py bags/mars_yard --method hybrid --method study
+
+Plain SGBM is 3WAY, 64 disparities, block 5, P1 300, P2 1200, uniqueness 8, speckle 50. It and the
+methods take turns on each pair, so that what else the machine does weighs on all of them alike;
+each has one call to warm up. Shown are medians, and the median over the turns of a method's time
+over that of the SGBM call before it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.bags.stereo import StereoPair, read_pairs
+from rover_obstacle_detection.evaluation.methods.method import Method
+from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
+from rover_obstacle_detection.evaluation.methods.registry import make_method
+from rover_obstacle_detection.evaluation.plain_stereo import plain_stereo_seconds
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('bags', nargs='+', type=Path, metavar='BAG')
+    parser.add_argument('--method', action='append', choices=METHOD_DESCRIPTIONS, dest='methods')
+    parser.add_argument('--repeat', type=int, default=11, help='turns on each pair (default: 11)')
+    parser.add_argument('--every', type=int, default=1, help='take every N-th pair only')
+    arguments = parser.parse_args()
+    methods = {name: make_method(name) for name in arguments.methods or ['hybrid']}
+    print(f'OpenCV {cv2.__version__}, {cv2.getNumThreads()} threads')
+    print(f'{"pair":28} {"size":>10} {"method":11} {"ms":>7} {"SGBM ms":>8} {"x SGBM":>7}')
+    ratios: dict[str, list[float]] = {name: [] for name in methods}
+    for path in arguments.bags:
+        for label, pair in pairs_of(path, arguments.every):
+            rows = time_pair(methods, pair, arguments.repeat)
+            for name, (seconds, plain_seconds, ratio) in rows.items():
+                ratios[name].append(ratio)
+                size = f'{pair.camera.width}x{pair.camera.height}'
+                print(
+                    f'{label:28} {size:>10} {name:11} {1000 * seconds:7.1f} '
+                    f'{1000 * plain_seconds:8.1f} {ratio:7.2f}',
+                    flush=True,
+                )
+    for name, values in ratios.items():
+        print(f'{name}: mean {statistics.fmean(values):.2f}, worst {max(values):.2f} x SGBM')
+
+
+def pairs_of(path: Path, every: int) -> Sequence[tuple[str, StereoPair]]:
+    with open_bag(path) as bag:
+        frames = read_pairs(bag, bag.stereo_topics(), every=every)
+        pairs = [frame for frame in frames if isinstance(frame, StereoPair)]
+    return [(f'{path.resolve().name[:24]} {number}', pair) for number, pair in enumerate(pairs)]
+
+
+def time_pair(
+    methods: dict[str, Method], pair: StereoPair, repeat: int
+) -> dict[str, tuple[float, float, float]]:
+    """Median seconds, of SGBM's too, and the median ratio of each method."""
+    images = pair.camera, pair.left, pair.right
+    seconds: dict[str, list[float]] = {name: [] for name in methods}
+    plain: dict[str, list[float]] = {name: [] for name in methods}
+    for turn in range(repeat + 1):
+        for name, method in methods.items():
+            plain_seconds = plain_stereo_seconds(*images)
+            started = time.perf_counter()
+            method(*images)
+            own_seconds = time.perf_counter() - started
+            if turn:
+                plain[name].append(plain_seconds)
+                seconds[name].append(own_seconds)
+    return {
+        name: (
+            statistics.median(seconds[name]),
+            statistics.median(plain[name]),
+            statistics.median(
+                own / other for own, other in zip(seconds[name], plain[name], strict=True)
+            ),
+        )
+        for name in methods
+    }
+
+
+if __name__ == '__main__':
+    main()
