@@ -30,7 +30,12 @@ def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -
     header : std_msgs/Header
     factory : MessageFactory
     """
-    clear = factory.make('visualization_msgs/msg/Marker', header=header, action=_DELETEALL)
+    clear = factory.make(
+        'visualization_msgs/msg/Marker',
+        header=header,
+        action=_DELETEALL,
+        pose=_upright({}, factory),
+    )
     boxes = [
         _box(number, obstacle, header, factory)
         for number, obstacle in enumerate(detection.obstacles)
@@ -50,11 +55,15 @@ def _box(number: int, obstacle: Obstacle, header: Any, factory: MessageFactory) 
         id=number,
         type=_CUBE,
         action=_ADD,
-        pose=factory.make(
-            'geometry_msgs/msg/Pose',
-            position=factory.make('geometry_msgs/msg/Point', **centre),
-            orientation=factory.make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=0.0, w=1.0),
-        ),
+        pose=_upright(centre, factory),
         scale=factory.make('geometry_msgs/msg/Vector3', **extent),
         color=factory.make('std_msgs/msg/ColorRGBA', **_COLOUR),
+    )
+
+
+def _upright(position: dict[str, float], factory: MessageFactory) -> Any:
+    return factory.make(
+        'geometry_msgs/msg/Pose',
+        position=factory.make('geometry_msgs/msg/Point', **position),
+        orientation=factory.make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=0.0, w=1.0),
     )
