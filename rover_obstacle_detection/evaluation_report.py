@@ -35,6 +35,7 @@ from rover_obstacle_detection.report.page import (
 from rover_obstacle_detection.report.plots import Line, bar_plot, distribution_plot, line_plot
 
 SVG = 'image/svg+xml'
+LISTED_FAULTS = 5
 DEFINITIONS = (
     'Precision, recall, F1 and IoU are over counted pixels: not the sky, not rocks within 20 % '
     'of the clearance. Mean IoU is the mean over scenes that have obstacles of the IoU pooled '
@@ -202,14 +203,19 @@ def _shares(counts: NDArray[np.intp]) -> Sequence[float]:
 
 
 def _picture(picture: Picture) -> Block:
-    figures = picture.figures
-    iou = '-' if figures.iou is None else f'{figures.iou:.2f}'
-    caption = (
-        f'{picture.scene}, {picture.stamp_ns / 1e9:.1f} s: IoU {iou}, '
-        f'{figures.obstacles_found} of {figures.obstacles} obstacles found, '
-        f'{figures.false_alarms} false alarms'
-    )
+    caption = f'{picture.scene}, {picture.stamp_ns / 1e9:.1f} s: {summary_of(picture)}'
     return PictureBlock(caption, picture.jpeg, 'image/jpeg')
+
+
+def summary_of(picture: Picture) -> str:
+    """Say in words what a picture shows: IoU, obstacles found, and each fault."""
+    figures = picture.figures
+    iou = 'no IoU' if figures.iou is None else f'IoU {figures.iou:.2f}'
+    listed = [str(fault) for fault in picture.faults[:LISTED_FAULTS]]
+    more = len(picture.faults) - len(listed)
+    listed += [f'{more} more'] if more else []
+    found = f'{figures.obstacles_found} of {figures.obstacles} obstacles found'
+    return ', '.join((iou, found, *listed))
 
 
 def _table(table: Table) -> Block:

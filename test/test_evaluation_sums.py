@@ -10,6 +10,7 @@ from rover_obstacle_detection.evaluation.distributions import (
     Distribution,
     TerrainDistributions,
 )
+from rover_obstacle_detection.evaluation.faults import Fault, find_faults
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.ranges import score_by_range, span_names
 from rover_obstacle_detection.evaluation.results import (
@@ -163,7 +164,7 @@ def test_merging_adds_curves_and_distributions_and_keeps_the_worst() -> None:
             scenes=(scene(name, RIGHT, 'noon'),),
             curves={'hybrid': {0.1: RIGHT}},
             distributions={'hybrid': both},
-            pictures=(Picture('hybrid', name, 0, figures, b''),),
+            pictures=(Picture('hybrid', name, 0, figures, (), b''),),
             problems=(f'{name} is bad',),
         )
         for name, figures in (('good', RIGHT), ('bad', HALF_RIGHT))
@@ -177,14 +178,32 @@ def test_merging_adds_curves_and_distributions_and_keeps_the_worst() -> None:
 
 def test_missed_and_invented_obstacles_are_worse_than_a_poor_outline() -> None:
     outline = Figures(frames=1, true_positives=60, false_negatives=40, rocks=2, rocks_found=2)
+    missed, alarm = Fault('missed rock', 300, 2.0), Fault('false alarm', 200, None)
     pictures = [
-        Picture('hybrid', 'outline', 0, outline, b''),
-        Picture('hybrid', 'alarms', 0, NO_TRUTH, b''),
-        Picture('hybrid', 'missed', 0, HALF_RIGHT, b''),
-        Picture('study', 'other', 0, RIGHT, b''),
+        Picture('hybrid', 'outline', 0, outline, (), b''),
+        Picture('hybrid', 'alarms', 0, NO_TRUTH, (alarm, alarm), b''),
+        Picture('hybrid', 'missed', 0, HALF_RIGHT, (missed,), b''),
+        Picture('study', 'other', 0, RIGHT, (), b''),
     ]
     kept = worst(pictures, 2)
     assert [picture.scene for picture in kept] == ['alarms', 'missed', 'other']
+
+
+def test_faults_are_named_with_size_and_distance() -> None:
+    labels = np.zeros((60, 60), np.uint8)
+    instances = np.zeros((60, 60), np.uint16)
+    labels[:20, :20], instances[:20, :20] = 1, 4
+    labels[:20, 40:], instances[:20, 40:] = 1, 5
+    depth_m = np.full((60, 60), 3.0, np.float32)
+    depth_m[40:] = 1.5
+    mask = np.zeros((60, 60), np.uint8)
+    mask[:20, :20] = mask[45:55, 10:40] = 255
+    said = [str(fault) for fault in find_faults(mask, labels, instances, depth_m)]
+    assert said == ['missed rock of 400 px at 3.0 m', 'false alarm of 300 px at 1.5 m']
+    without_depth = find_faults(mask, labels, instances)
+    assert str(without_depth[0]) == 'missed rock of 400 px'
+    slope = find_faults(mask, np.full((60, 60), 2, np.uint8), instances, depth_m)
+    assert [fault.kind for fault in slope] == ['missed slope or drop']
 
 
 def test_the_method_table() -> None:

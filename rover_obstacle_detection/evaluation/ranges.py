@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.evaluation.faults import median_distance_m
 from rover_obstacle_detection.evaluation.figures import (
     Figures,
     Parts,
@@ -84,11 +85,6 @@ def _by_span(
     parts: Parts, depth_m: NDArray[np.float32], which: NDArray[np.bool_] | None = None
 ) -> NDArray[np.intp]:
     numbers = parts.numbers if which is None else parts.numbers[which]
-    depths = [_median(depth_m[parts.image == number]) for number in numbers]
-    known = [depth for depth in depths if np.isfinite(depth)]
+    distances = [median_distance_m(depth_m[parts.image == number]) for number in numbers]
+    known = [distance for distance in distances if distance is not None]
     return np.bincount(np.digitize(known, EDGES_M[1:-1]), minlength=len(EDGES_M) - 1)
-
-
-def _median(values: NDArray[np.float32]) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else float('nan')

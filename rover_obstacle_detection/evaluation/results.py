@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rover_obstacle_detection.evaluation.distributions import TerrainDistributions
+from rover_obstacle_detection.evaluation.faults import Fault
 from rover_obstacle_detection.evaluation.figures import Figures
 
 
@@ -40,14 +41,14 @@ class Picture:
     scene: str
     stamp_ns: int
     figures: Figures
+    faults: tuple[Fault, ...]
     jpeg: bytes = field(repr=False)
 
     @property
     def wrongness(self) -> tuple[float, float]:
         """Order of how bad it looks: obstacles missed and invented, then the overlap."""
-        figures = self.figures
-        missed = figures.obstacles - figures.obstacles_found
-        return missed + figures.false_alarms, 1 - (figures.iou if figures.iou is not None else 1)
+        iou = self.figures.iou
+        return len(self.faults), 0.0 if iou is None else 1 - iou
 
 
 @dataclass(frozen=True)

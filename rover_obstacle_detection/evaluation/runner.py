@@ -13,6 +13,7 @@ import numpy as np
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.evaluation.distributions import Distribution, TerrainDistributions
+from rover_obstacle_detection.evaluation.faults import find_faults
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
@@ -140,7 +141,10 @@ class SceneRun:
         if detection is not None:
             self._add_distributions(name, detection, frame)
         if self._options.worst_pictures:
-            picture = Picture(name, self._scene, frame.stamp_ns, figures, _jpeg(frame, mask))
+            faults = find_faults(mask, frame.labels, frame.instances, frame.depth_m)
+            picture = Picture(
+                name, self._scene, frame.stamp_ns, figures, faults, _jpeg(frame, mask)
+            )
             self._pictures = worst((*self._pictures, picture), self._options.worst_pictures)
 
     def _add_distributions(self, name: str, detection: Detection, frame: LabelledFrame) -> None:

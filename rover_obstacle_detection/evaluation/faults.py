@@ -1,0 +1,80 @@
+"""What is wrong with a mask, obstacle by obstacle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.evaluation.figures import (
+    Parts,
+    are_found,
+    areas_to_find,
+    false_alarms,
+    rocks_to_find,
+)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """An obstacle that was missed, or one that is none.
+
+    Parameters
+    ----------
+    kind : str
+        ``missed rock``, ``missed slope or drop`` or ``false alarm``.
+    pixels : int
+    distance_m : float, optional
+        Median along the optical axis, where the depth is known.
+    """
+
+    kind: str
+    pixels: int
+    distance_m: float | None
+
+    def __str__(self) -> str:
+        where = '' if self.distance_m is None else f' at {self.distance_m:.1f} m'
+        return f'{self.kind} of {self.pixels} px{where}'
+
+
+def find_faults(
+    mask: NDArray[np.uint8],
+    labels: NDArray[np.uint8],
+    instances: NDArray[np.uint16],
+    depth_m: NDArray[np.float32] | None = None,
+) -> tuple[Fault, ...]:
+    """List the obstacles missed and the false alarms of a frame, largest first.
+
+    Parameters
+    ----------
+    mask, labels, instances : ndarray, shape (height, width)
+        As for `score`.
+    depth_m : ndarray of float32, shape (height, width), optional
+        NaN where there is none.
+    """
+    flagged = mask != 0
+    rocks, areas = rocks_to_find(labels, instances), areas_to_find(labels)
+    alarms = false_alarms(flagged, labels)
+    faults = [
+        *_faults('missed rock', rocks, ~are_found(rocks, flagged), depth_m),
+        *_faults('missed slope or drop', areas, ~are_found(areas, flagged), depth_m),
+        *_faults('false alarm', alarms, np.ones(len(alarms.numbers), bool), depth_m),
+    ]
+    return tuple(sorted(faults, key=lambda fault: -fault.pixels))
+
+
+def median_distance_m(depth_m: NDArray[np.float32]) -> float | None:
+    """Median of the depths that are known; None without any."""
+    known = depth_m[np.isfinite(depth_m)]
+    return float(np.median(known)) if known.size else None
+
+
+def _faults(
+    kind: str, parts: Parts, which: NDArray[np.bool_], depth_m: NDArray[np.float32] | None
+) -> Iterator[Fault]:
+    for number in parts.numbers[which]:
+        inside = parts.image == number
+        distance_m = None if depth_m is None else median_distance_m(depth_m[inside])
+        yield Fault(kind, int(inside.sum()), distance_m)
