@@ -1,0 +1,1 @@
+"""Rendered planetary scenes with exact truth: terrain, rocks, light, cameras, labelled bags."""

@@ -1,0 +1,221 @@
+"""One stereo pair of a scene with its truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.simulation import labels as labelling
+from rover_obstacle_detection.simulation.description import Scene
+from rover_obstacle_detection.simulation.ground_mesh import fan, fan_mesh, surrounding_mesh
+from rover_obstacle_detection.simulation.poses import CameraPose, drive, eye_pose
+from rover_obstacle_detection.simulation.renderer import Hits, Renderer, load_mitsuba
+from rover_obstacle_detection.simulation.rock_shapes import RockMaker, RockMesh
+from rover_obstacle_detection.simulation.rocks import scatter
+from rover_obstacle_detection.simulation.sensor import Exposure, automatic_exposure, develop
+from rover_obstacle_detection.simulation.sky import make_light, through_haze
+from rover_obstacle_detection.simulation.soil import PALETTES, Soil
+from rover_obstacle_detection.simulation.terrain import Terrain
+
+Floats = NDArray[np.float32]
+STEPS_PER_FRAME = 4
+_TEXELS_PER_CELL = 2
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A stereo pair and what is true of its left image.
+
+    Parameters
+    ----------
+    left, right : ndarray of uint8 or uint16
+        Shape (height, width), or (height, width, 3) red green blue for a rig in colour.
+    labels : ndarray of uint8, shape (height, width)
+    instances : ndarray of uint16, shape (height, width)
+    depth_m : ndarray of float32, shape (height, width)
+        NaN where there is no surface.
+    pose : CameraPose
+        Of the left eye.
+    camera : StereoCamera
+    """
+
+    left: NDArray[np.uint8] | NDArray[np.uint16]
+    right: NDArray[np.uint8] | NDArray[np.uint16]
+    labels: NDArray[np.uint8]
+    instances: NDArray[np.uint16]
+    depth_m: Floats
+    pose: CameraPose
+    camera: StereoCamera
+
+
+class SceneWorld:
+    """A scene's terrain, rocks and light, and the poses it is seen from.
+
+    Parameters
+    ----------
+    scene : Scene
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.rig = scene.rig_used()
+        self.camera = self.rig.camera(scene.image_width)
+        self.terrain = Terrain(scene.terrain, scene.seed)
+        self.poses = drive(self.terrain.height, self.rig, scene.drive)
+        self.rocks = scatter(scene.rocks, self.rig, self.camera, self.poses, scene.seed)
+        self.terrain.heap(self.rocks.aprons())
+        self.soil = Soil(scene.soil, scene.seed)
+        self.palette = PALETTES[scene.soil.world]
+        self.rock_maker = RockMaker(scene.seed, self.palette.rocks)
+        self.light = make_light(scene.light, scene.soil.world)
+
+    def rock_mesh(self, pose: CameraPose) -> RockMesh:
+        """Make the rocks that matter to one view, as fine as it sees them."""
+        rocks = self.rocks
+        x, y = pose.ground_below
+        distance = np.hypot(rocks.x_m - x, rocks.y_m - y)
+        eye_m = self.rig.camera_height_m
+        size_px = self.camera.fx * rocks.diameter_m / np.maximum(np.hypot(distance, eye_m), 0.3)
+        chosen = np.flatnonzero(size_px > 2.0)
+        ground = self.terrain.height(
+            rocks.x_m[chosen].astype(np.float32), rocks.y_m[chosen].astype(np.float32)
+        )
+        return self.rock_maker.mesh(rocks, chosen, ground.astype(np.float64), size_px[chosen])
+
+    def renderer(self, pose: CameraPose, rocks: RockMesh) -> Renderer:
+        """Build what one view sees."""
+        places = fan(self.rig, self.camera, pose)
+        texture = self.soil.texture(places.refined(_TEXELS_PER_CELL), self.terrain)
+        cosine, sine = np.cos(pose.heading_rad), np.sin(pose.heading_rad)
+        x0, y0 = pose.ground_below
+        first_row = (places.x_m[0] - x0) * cosine + (places.y_m[0] - y0) * sine
+        return Renderer(
+            fan_mesh(places, self.terrain.height),
+            texture,
+            surrounding_mesh(pose, self.terrain.height, float(first_row.min())),
+            rocks,
+            self.light,
+            tuple(float(v) for v in self.palette.soil),  # type: ignore[arg-type]
+        )
+
+    def label(self, hits: Hits, pose: CameraPose, rocks: RockMesh) -> NDArray[np.uint8]:
+        """Label the pixels of the left eye."""
+        x_over_z, y_over_z = self.camera.rays()
+        ray = np.stack(np.broadcast_arrays(x_over_z, y_over_z, np.float32(1)), axis=2).astype(
+            np.float64
+        )
+        points = pose.to_world(ray * hits.depth_m[..., np.newaxis])
+        with np.errstate(invalid='ignore'):
+            seen = points[hits.depth_m <= self.scene.truth.range_m]
+        if not len(seen):
+            return np.full(hits.depth_m.shape, labelling.NOT_COUNTED, np.uint8)
+        low, high = seen.min(0), seen.max(0)
+        ground = labelling.local_ground(
+            self.terrain.height, (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+        )
+        return labelling.label(
+            points,
+            hits.depth_m,
+            hits.instances,
+            rock_heights(rocks, ground, len(self.rocks)),
+            ground,
+            self.scene.truth,
+        )
+
+
+def rock_heights(
+    rocks: RockMesh, ground: labelling.LocalGround, number: int
+) -> NDArray[np.float32]:
+    """Height of each rock's top above the local ground, by instance number, metres."""
+    heights = np.zeros(number + 1, np.float32)
+    x, y, z = rocks.vertices.T
+    above = z - ground.read(ground.height_m, x, y)
+    for corner in range(3):
+        np.maximum.at(heights, rocks.instance, above[rocks.faces[:, corner]])
+    return heights
+
+
+def render(scene: Scene, on_step: Callable[[], None] = lambda: None) -> Iterator[Frame]:
+    """Render the frames of a scene, one after the other.
+
+    Parameters
+    ----------
+    scene : Scene
+    on_step : callable
+        Called `STEPS_PER_FRAME` times a frame.
+
+    Raises
+    ------
+    MissingExtraError
+        If Mitsuba or its LLVM is not installed.
+    """
+    load_mitsuba()
+    world = SceneWorld(scene)
+    exposure: Exposure | None = None
+    for number, pose in enumerate(world.poses):
+        rocks = world.rock_mesh(pose)
+        renderer = world.renderer(pose, rocks)
+        on_step()
+        hits = renderer.cast(world.camera, pose)
+        labels = world.label(hits, pose, rocks)
+        on_step()
+        left = _light(world, renderer, world.camera, pose, hits, (number, 0))
+        on_step()
+        right_camera, right_pose = right_eye(scene, world.camera, pose)
+        right_hits = renderer.cast(right_camera, right_pose)
+        right = _light(world, renderer, right_camera, right_pose, right_hits, (number, 1))
+        on_step()
+        if exposure is None:
+            # Held for the whole drive, as a rover's is for the frames of one traverse.
+            exposure = automatic_exposure(left, ~np.isnan(hits.depth_m))
+        yield Frame(
+            left=_picture(world, left, exposure, (number, 0)),
+            right=_picture(world, right, exposure, (number, 1)),
+            labels=labels,
+            instances=hits.instances,
+            depth_m=hits.depth_m,
+            pose=pose,
+            camera=world.camera,
+        )
+
+
+def right_eye(
+    scene: Scene, camera: StereoCamera, pose: CameraPose
+) -> tuple[StereoCamera, CameraPose]:
+    """Return the right eye as it is: with the scene's rectification error."""
+    moved = replace(camera, cy=camera.cy - scene.sensor.row_error_px)
+    return moved, eye_pose(pose, camera.baseline_m, scene.sensor.roll_error_deg)
+
+
+def _light(
+    world: SceneWorld,
+    renderer: Renderer,
+    camera: StereoCamera,
+    pose: CameraPose,
+    hits: Hits,
+    number_and_eye: tuple[int, int],
+) -> Floats:
+    scene = world.scene
+    # Noise that both eyes share would be matched as if it were ground.
+    rng = np.random.default_rng([scene.seed, 8, *number_and_eye])
+    seed = int(rng.integers(0, 2**31))
+    radiance = renderer.radiance(camera, pose, scene.sensor.samples, seed)
+    return through_haze(radiance, hits.depth_m, world.light, scene.light.haze_m)
+
+
+def _picture(
+    world: SceneWorld, light: Floats, exposure: Exposure, number_and_eye: tuple[int, int]
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    sensor = world.scene.sensor
+    return develop(
+        light,
+        sensor,
+        exposure,
+        np.random.default_rng([world.scene.seed, 7, *number_and_eye]),
+        gain=sensor.right_gain if number_and_eye[1] else 1.0,
+        colour=world.rig.colour and sensor.bits == 8,
+    )

@@ -1,0 +1,147 @@
+"""Where the rover stands and how its left eye looks, for each frame of a drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.simulation.description import DriveParameters
+from rover_obstacle_detection.simulation.rigs import Rig
+
+Floats = NDArray[np.float32]
+HeightFunction = Callable[[Floats, Floats], Floats]
+
+_FOOTPRINT_M = 0.8
+
+
+@dataclass(frozen=True)
+class CameraPose:
+    """The left eye in the world (x ahead at the start, y left, z up).
+
+    Parameters
+    ----------
+    position : ndarray of float64, shape (3,)
+    rotation : ndarray of float64, shape (3, 3)
+        From the optical frame (x right, y down, z forward) to the world: its columns are the
+        optical axes.
+    heading_rad : float
+        Heading of the rover, to the left of its first one.
+    """
+
+    position: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    heading_rad: float
+
+    @property
+    def up(self) -> NDArray[np.float64]:
+        """Unit vector against gravity in the optical frame."""
+        return np.asarray(self.rotation[2], np.float64)
+
+    @property
+    def pitch_deg(self) -> float:
+        """Angle of the optical axis below the horizon."""
+        return math.degrees(math.asin(max(-1.0, min(1.0, -self.up[2]))))
+
+    @property
+    def roll_deg(self) -> float:
+        """Clockwise roll about the optical axis."""
+        return math.degrees(math.atan2(-self.up[0], -self.up[1]))
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """The rotation as x, y, z, w."""
+        m = self.rotation
+        # The largest of the four squares is the one it is safe to divide by (Shepperd 1978).
+        squares = np.array(
+            [
+                1 + m[0, 0] - m[1, 1] - m[2, 2],
+                1 - m[0, 0] + m[1, 1] - m[2, 2],
+                1 - m[0, 0] - m[1, 1] + m[2, 2],
+                1 + m[0, 0] + m[1, 1] + m[2, 2],
+            ]
+        )
+        sums = {
+            0: (squares[0], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2]),
+            1: (m[0, 1] + m[1, 0], squares[1], m[1, 2] + m[2, 1], m[0, 2] - m[2, 0]),
+            2: (m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[2], m[1, 0] - m[0, 1]),
+            3: (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], squares[3]),
+        }[int(np.argmax(squares))]
+        x, y, z, w = (float(value) for value in np.array(sums) / np.linalg.norm(sums))
+        return (x, y, z, w) if w >= 0 else (-x, -y, -z, -w)
+
+    def to_world(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Carry points of the optical frame, shape (..., 3), into the world."""
+        return np.asarray(points @ self.rotation.T + self.position, np.float64)
+
+    def to_camera(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Carry points of the world, shape (..., 3), into the optical frame."""
+        return np.asarray((points - self.position) @ self.rotation, np.float64)
+
+    @property
+    def ground_below(self) -> tuple[float, float]:
+        """The place x, y under the eye."""
+        return float(self.position[0]), float(self.position[1])
+
+
+def standing_pose(
+    height: HeightFunction, rig: Rig, x_m: float, y_m: float, heading_rad: float
+) -> CameraPose:
+    """Set the rover down at a place: its wheels' plane is the best fit of the ground there.
+
+    Parameters
+    ----------
+    height : callable
+        Height of the ground at places x, y.
+    rig : Rig
+    x_m, y_m : float
+        Place under the left eye, if the rover stood level.
+    heading_rad : float
+    """
+    steps = np.linspace(-_FOOTPRINT_M / 2, _FOOTPRINT_M / 2, 9)
+    dx, dy = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    z = height((x_m + dx).astype(np.float32), (y_m + dy).astype(np.float32))
+    design = np.column_stack([dx, dy, np.ones_like(dx)])
+    (slope_x, slope_y, ground_m), *_ = np.linalg.lstsq(design, z.astype(np.float64), rcond=None)
+    up = np.array([-slope_x, -slope_y, 1.0])
+    up /= np.linalg.norm(up)
+    level_ahead = np.array([math.cos(heading_rad), math.sin(heading_rad), 0.0])
+    ahead = level_ahead - up * (up @ level_ahead)
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, up)
+    pitch = math.radians(rig.pitch_deg)
+    forward = ahead * math.cos(pitch) - up * math.sin(pitch)
+    down = np.cross(forward, right)
+    position = np.array([x_m, y_m, ground_m]) + rig.camera_height_m * up
+    return CameraPose(position, np.column_stack([right, down, forward]), heading_rad)
+
+
+def drive(height: HeightFunction, rig: Rig, parameters: DriveParameters) -> list[CameraPose]:
+    """Poses of a drive that begins at the origin along x and turns at a constant rate."""
+    x, y, heading = 0.0, 0.0, 0.0
+    poses = []
+    for _ in range(parameters.frames):
+        poses.append(standing_pose(height, rig, x, y, heading))
+        heading += math.radians(parameters.turn_deg) / 2
+        x += parameters.step_m * math.cos(heading)
+        y += parameters.step_m * math.sin(heading)
+        heading += math.radians(parameters.turn_deg) / 2
+    return poses
+
+
+def eye_pose(pose: CameraPose, right_m: float, roll_deg: float = 0.0) -> CameraPose:
+    """Return the pose of an eye to the right of the left one, turned about its axis."""
+    angle = math.radians(roll_deg)
+    turn = np.array(
+        [
+            [math.cos(angle), -math.sin(angle), 0],
+            [math.sin(angle), math.cos(angle), 0],
+            [0, 0, 1],
+        ]
+    )
+    return CameraPose(
+        pose.position + right_m * pose.rotation[:, 0], pose.rotation @ turn, pose.heading_rad
+    )

@@ -1,0 +1,200 @@
+"""Conditions by name: what each changes of an ordinary scene."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.simulation.description import Scene
+from rover_obstacle_detection.simulation.rigs import RIGS, Rig
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A condition that a detector must stand.
+
+    Parameters
+    ----------
+    description : str
+    changes : callable
+        From the rig, which decides where in the view things belong, to nested parameters.
+    """
+
+    description: str
+    changes: Callable[[Rig], Mapping[str, Any]]
+
+
+def _always(**changes: Any) -> Callable[[Rig], Mapping[str, Any]]:
+    return lambda rig: changes
+
+
+def _slope(slope_deg: float) -> Callable[[Rig], Mapping[str, Any]]:
+    def changes(rig: Rig) -> Mapping[str, Any]:
+        return {
+            'terrain': {
+                'slope_deg': slope_deg,
+                'slope_start_m': round(max(0.9 * rig.view_distance_m, 0.9), 2),
+                'slope_length_m': 12.0,
+            }
+        }
+
+    return changes
+
+
+def _crater(rig: Rig) -> Mapping[str, Any]:
+    centre = max(1.5 * rig.view_distance_m, 1.9)
+    return {
+        'terrain': {
+            'craters': [
+                {'ahead_m': round(centre, 2), 'left_m': 0.3, 'diameter_m': 2.2, 'depth_m': 0.36},
+                {
+                    'ahead_m': round(1.7 * centre, 2),
+                    'left_m': round(-0.55 * centre, 2),
+                    'diameter_m': 1.4,
+                    'depth_m': 0.22,
+                },
+            ]
+        },
+        'light': {'sun_elevation_deg': 32.0},
+        'rocks': {'placed': 5},
+    }
+
+
+_PEBBLES = {
+    'cover': 0.22,
+    'largest_m': 0.07,
+    'smallest_m': 0.01,
+    'placed': 14,
+    'placed_smallest_m': 0.05,
+    'placed_largest_m': 0.1,
+}
+
+PRESETS: Mapping[str, Preset] = {
+    'noon': Preset('high sun, rocks on gentle relief', _always()),
+    'low_sun_towards': Preset(
+        'sun 8 degrees high ahead, shadows towards the rover',
+        _always(light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 12.0}, sensor={'glare': 0.08}),
+    ),
+    'low_sun_across': Preset(
+        'sun 9 degrees high on the left, long shadows across',
+        _always(light={'sun_elevation_deg': 9.0, 'sun_azimuth_deg': 85.0}),
+    ),
+    'low_sun_away': Preset(
+        'sun 8 degrees high behind: flat light, hardly a shadow to see',
+        _always(light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 160.0}),
+    ),
+    'moon': Preset(
+        'no air: black sky, black shadows, grey soil',
+        _always(
+            soil={'world': 'moon'},
+            light={'sun_elevation_deg': 12.0, 'sun_azimuth_deg': 110.0},
+            rocks={'placed': 9},
+            sensor={'samples': 36},
+        ),
+    ),
+    'slope_up_12': Preset('12 degrees up: free ground', _slope(12.0)),
+    'slope_down_12': Preset('12 degrees down: free ground', _slope(-12.0)),
+    'slope_up_26': Preset('26 degrees up: an obstacle', _slope(26.0)),
+    'slope_down_26': Preset('26 degrees down: an obstacle', _slope(-26.0)),
+    'crater': Preset('small craters: steep walls and a drop', _crater),
+    'dunes': Preset(
+        'low dunes with wind ripples',
+        _always(
+            terrain={
+                'dune_height_m': 0.28,
+                'dune_length_m': 8.0,
+                'ripple_height_m': 0.025,
+                'ripple_length_m': 0.28,
+                'roughness_m': 0.003,
+                'clods_m': 0.0008,
+            },
+            light={'sun_elevation_deg': 28.0, 'sun_azimuth_deg': 40.0},
+            rocks={'cover': 0.015, 'placed': 6},
+        ),
+    ),
+    'dense_rocks': Preset(
+        'a field with a third of the ground under rocks',
+        _always(rocks={'cover': 0.33, 'placed': 14}),
+    ),
+    'pebbles': Preset('pebbles everywhere, none of them an obstacle', _always(rocks=_PEBBLES)),
+    'low_texture': Preset(
+        'fine sand with almost no texture',
+        _always(
+            soil={'contrast': 0.12, 'grain_m': 0.0001},
+            terrain={'clods_m': 0.0004, 'roughness_m': 0.003},
+            rocks={'cover': 0.02},
+        ),
+    ),
+    'dark_noisy': Preset(
+        'dim light and a noisy sensor',
+        _always(
+            light={'sun_elevation_deg': 15.0, 'sun_azimuth_deg': 60.0},
+            sensor={'exposure': 0.3, 'full_well': 1500.0, 'read_noise': 12.0},
+        ),
+    ),
+    'over_exposed': Preset(
+        'exposure far too long: bright ground is white', _always(sensor={'exposure': 2.6})
+    ),
+    'exposure_mismatch': Preset(
+        'right eye exposed a third less than the left', _always(sensor={'right_gain': 0.65})
+    ),
+    'rectification_off': Preset(
+        'right image half a pixel too high and a little turned',
+        _always(sensor={'row_error_px': 0.5, 'roll_error_deg': 0.03}),
+    ),
+    'motion_blur': Preset(
+        'rover rocking: five pixels of motion blur',
+        _always(sensor={'motion_blur_px': 5.0, 'motion_blur_deg': 75.0}),
+    ),
+    'dust_spots': Preset('dust on both lenses', _always(sensor={'dust_spots': 45})),
+    'empty_flat': Preset(
+        'flat ground without a rock',
+        _always(
+            terrain={'relief_m': 0.004, 'hills_m': 1.0},
+            rocks={'cover': 0.02, 'largest_m': 0.03, 'placed': 0},
+        ),
+    ),
+}
+
+
+def scene_of(
+    name: str,
+    seed: int,
+    conditions: Iterable[str] = (),
+    rig: str = 'study',
+    parameters: Mapping[str, Any] | None = None,
+) -> Scene:
+    """Make a scene of conditions, one over the other, and parameters over them all.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such condition, rig or parameter, or a value is out of range.
+    """
+    if rig not in RIGS:
+        msg = f'rig is {rig!r}: expected one of {", ".join(RIGS)}'
+        raise ConfigurationError(msg)
+    mapping: dict[str, Any] = {}
+    names = tuple(conditions)
+    for condition in names:
+        if condition not in PRESETS:
+            near = difflib.get_close_matches(condition, PRESETS, 1)
+            hint = f'; did you mean {near[0]}?' if near else ''
+            msg = f'unknown condition {condition!r}{hint} (there are {", ".join(PRESETS)})'
+            raise ConfigurationError(msg)
+        mapping = _merged(mapping, PRESETS[condition].changes(RIGS[rig]))
+    mapping = _merged(mapping, parameters or {})
+    fixed = {'name': name, 'seed': seed, 'conditions': names, 'rig': rig}
+    return Scene.from_mapping({**mapping, **fixed})
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for name, value in above.items():
+        old = merged.get(name)
+        both = isinstance(old, Mapping) and isinstance(value, Mapping)
+        merged[name] = _merged(old, value) if both else value  # type: ignore[arg-type]
+    return merged

@@ -1,0 +1,110 @@
+"""The stereo cameras that scenes are seen through."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A stereo camera on a rover.
+
+    Parameters
+    ----------
+    name : str
+    description : str
+    width, height : int
+        Size of both images, pixels.
+    horizontal_view_deg : float
+        Horizontal field of view, degrees; pixels are square.
+    baseline_m : float
+    pitch_deg : float
+        Angle of the optical axis below the rover's horizon.
+    camera_height_m : float
+        Height of the left eye above the ground under it.
+    colour : bool
+        Whether images are published as rgb8; mono8 or mono16 otherwise.
+    """
+
+    name: str
+    description: str
+    width: int
+    height: int
+    horizontal_view_deg: float
+    baseline_m: float
+    pitch_deg: float
+    camera_height_m: float
+    colour: bool = False
+
+    @property
+    def view_distance_m(self) -> float:
+        """Distance ahead, along level ground, at which the optical axis meets the ground."""
+        return self.camera_height_m / math.tan(math.radians(self.pitch_deg))
+
+    def camera(self, width: int | None = None) -> StereoCamera:
+        """Return the calibration, for images of another width with the same view if asked."""
+        width = self.width if width is None else width
+        height = round(self.height * width / self.width)
+        focal = width / (2 * math.tan(math.radians(self.horizontal_view_deg) / 2))
+        return StereoCamera(
+            width=width,
+            height=height,
+            fx=focal,
+            fy=focal,
+            cx=(width - 1) / 2,
+            cy=(height - 1) / 2,
+            baseline_m=self.baseline_m,
+        )
+
+
+_STUDY_HORIZONTAL_DEG = math.degrees(2 * math.atan(4 / 3 * math.tan(math.radians(30))))
+
+RIGS = {
+    rig.name: rig
+    for rig in (
+        Rig(
+            'study',
+            "the study's camera: short baseline, looking steeply down",
+            width=1024,
+            height=768,
+            horizontal_view_deg=_STUDY_HORIZONTAL_DEG,
+            baseline_m=0.06,
+            pitch_deg=46.0,
+            camera_height_m=1.0,
+            colour=True,
+        ),
+        Rig(
+            'navcam',
+            'mast camera: long baseline, high up, looking far',
+            width=1024,
+            height=768,
+            horizontal_view_deg=45.0,
+            baseline_m=0.24,
+            pitch_deg=20.0,
+            camera_height_m=1.9,
+        ),
+        Rig(
+            'hazcam',
+            'hazard camera: low on the body, wide view',
+            width=1024,
+            height=768,
+            horizontal_view_deg=100.0,
+            baseline_m=0.10,
+            pitch_deg=30.0,
+            camera_height_m=0.5,
+        ),
+        Rig(
+            'vga',
+            'off-the-shelf VGA stereo camera',
+            width=640,
+            height=480,
+            horizontal_view_deg=70.0,
+            baseline_m=0.12,
+            pitch_deg=25.0,
+            camera_height_m=0.8,
+        ),
+    )
+}

@@ -1,0 +1,211 @@
+"""Which rocks lie where: sizes after Golombek and Rapp 1997, places by chance."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.simulation.description import RockParameters
+from rover_obstacle_detection.simulation.poses import CameraPose
+from rover_obstacle_detection.simulation.rigs import Rig
+from rover_obstacle_detection.simulation.terrain import Apron
+
+# Smaller than this in the image, a rock is no more than texture.
+_SMALLEST_PX = 2.5
+_FARTHEST_M = 150.0
+_MOST_ROCKS = 24000
+_BINS_PER_DECADE = 12
+
+
+@dataclass(frozen=True)
+class RockField:
+    """Rocks, largest first; the instance number of a rock is its index plus one.
+
+    Parameters
+    ----------
+    x_m, y_m : ndarray of float64, shape (n,)
+        Place of each rock's centre.
+    diameter_m : ndarray of float64, shape (n,)
+    seed : ndarray of int64, shape (n,)
+        What shape, attitude, burial and colour are drawn from.
+    """
+
+    x_m: NDArray[np.float64]
+    y_m: NDArray[np.float64]
+    diameter_m: NDArray[np.float64]
+    seed: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return int(self.diameter_m.size)
+
+    def aprons(self, reach_m: float = 14.0) -> list[Apron]:
+        """Soil heaped by the wind against the larger rocks near the rover's start."""
+        near = (np.hypot(self.x_m, self.y_m) < reach_m) & (self.diameter_m > 0.06)
+        return [
+            Apron(float(x), float(y), float(0.62 * d), float(0.045 * d))
+            for x, y, d in zip(self.x_m[near], self.y_m[near], self.diameter_m[near], strict=True)
+        ]
+
+
+def cover_exponent(cover: float) -> float:
+    """Return q of the law F_k(D) = k exp(-q D), per metre (Golombek and Rapp 1997, eq. 5)."""
+    return 1.79 + 0.152 / cover
+
+
+def covered_fraction(diameter_m: float, cover: float) -> float:
+    """Fraction of the ground under rocks larger than a diameter."""
+    return cover * math.exp(-cover_exponent(cover) * diameter_m)
+
+
+def rocks_per_square_metre(low_m: float, high_m: float, cover: float) -> float:
+    """Count the rocks with diameters of a narrow bin on a square metre, by the law."""
+    area = covered_fraction(low_m, cover) - covered_fraction(high_m, cover)
+    mean_square = (low_m * low_m + low_m * high_m + high_m * high_m) / 3
+    return area / (math.pi / 4 * mean_square)
+
+
+def scatter(
+    parameters: RockParameters,
+    rig: Rig,
+    camera: StereoCamera,
+    poses: Sequence[CameraPose],
+    seed: int,
+) -> RockField:
+    """Draw the rocks of a scene, each size out to where it is a few pixels wide.
+
+    Parameters
+    ----------
+    parameters : RockParameters
+    rig : Rig
+    camera : StereoCamera
+        At the size of the images, which says what is too small to see.
+    poses : sequence of CameraPose
+        All of the drive: rocks lie where any of them can see.
+    seed : int
+    """
+    rng = np.random.default_rng([seed, 2])
+    places, diameters = [], []
+    if parameters.placed:
+        place, diameter = _placed(parameters, rig, camera, poses[0], rng)
+        places.append(place)
+        diameters.append(diameter)
+    for low, high in _bins(parameters):
+        place = _of_one_size(parameters.cover, low, high, camera, poses, rng)
+        diameter = np.exp(rng.uniform(math.log(low), math.log(high), len(place)))
+        places.append(place)
+        diameters.append(diameter)
+    if not places:
+        empty = np.empty(0)
+        return RockField(empty, empty, empty, np.empty(0, np.int64))
+    place, diameter = np.concatenate(places), np.concatenate(diameters)
+    keep = _beside_the_way(place, diameter, poses, rig)
+    place, diameter = place[keep], diameter[keep]
+    first = np.argsort(-diameter, kind='stable')
+    place, diameter = place[first], diameter[first]
+    keep = _apart(place, diameter)
+    place, diameter = place[keep][:_MOST_ROCKS], diameter[keep][:_MOST_ROCKS]
+    seeds = rng.integers(0, 2**31, len(diameter))
+    return RockField(place[:, 0], place[:, 1], diameter, seeds)
+
+
+def _bins(parameters: RockParameters) -> list[tuple[float, float]]:
+    low, high = parameters.smallest_m, parameters.largest_m
+    if parameters.cover == 0 or high <= low:
+        return []
+    count = max(1, round(_BINS_PER_DECADE * math.log10(high / low)))
+    edges = np.geomspace(low, high, count + 1)
+    return [(float(a), float(b)) for a, b in itertools.pairwise(edges)]
+
+
+def _of_one_size(
+    cover: float,
+    low: float,
+    high: float,
+    camera: StereoCamera,
+    poses: Sequence[CameraPose],
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
+    reach = min(_FARTHEST_M, camera.fx * high / _SMALLEST_PX)
+    centres = np.array([pose.ground_below for pose in poses])
+    low_corner, high_corner = centres.min(0) - reach, centres.max(0) + reach
+    area = float(np.prod(high_corner - low_corner))
+    number = rng.poisson(rocks_per_square_metre(low, high, cover) * area)
+    place = rng.uniform(low_corner, high_corner, (number, 2))
+    seen = np.zeros(number, bool)
+    half_view = camera.width / 2 / camera.fx
+    for pose in poses:
+        offset = place - pose.ground_below
+        cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        ahead = offset @ (cosine, sine)
+        aside = np.abs(offset @ (-sine, cosine))
+        # Beyond the view's edge a rock may still throw its shadow into it.
+        margin = 0.5 + 6 * high
+        seen |= (
+            (ahead > -margin)
+            & (aside < 1.2 * half_view * (np.maximum(ahead, 0) + 1.0) + margin)
+            & (np.hypot(ahead, aside) < reach)
+        )
+    return np.asarray(place[seen], np.float64)
+
+
+def _placed(
+    parameters: RockParameters,
+    rig: Rig,
+    camera: StereoCamera,
+    pose: CameraPose,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # Spread over the image rather than the ground, so that there are near ones and far ones.
+    horizon = camera.cy - camera.fy * math.tan(math.radians(pose.pitch_deg))
+    top = max(0.04 * camera.height, horizon + 0.05 * camera.height)
+    number = parameters.placed
+    column = rng.uniform(0.04 * camera.width, 0.96 * camera.width, 4 * number)
+    row = rng.uniform(top, 0.93 * camera.height, 4 * number)
+    diameter = np.exp(
+        rng.uniform(
+            math.log(parameters.placed_smallest_m),
+            math.log(parameters.placed_largest_m),
+            4 * number,
+        )
+    )
+    ray = np.column_stack(
+        [(column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy, np.ones_like(row)]
+    )
+    direction = ray @ pose.rotation.T
+    depth = rig.camera_height_m / np.maximum(-direction[:, 2], 1e-3)
+    place = (pose.position + direction * depth[:, np.newaxis])[:, :2]
+    # A rock that fills the view teaches nothing.
+    fits = (camera.fx * diameter / depth < 0.2 * camera.width) & (depth < 40.0)
+    return place[fits][:number], diameter[fits][:number]
+
+
+def _beside_the_way(
+    place: NDArray[np.float64],
+    diameter: NDArray[np.float64],
+    poses: Sequence[CameraPose],
+    rig: Rig,
+) -> NDArray[np.bool_]:
+    keep = np.ones(len(diameter), bool)
+    for pose in poses:
+        distance = np.hypot(*(place - pose.ground_below).T)
+        free = np.where(diameter > 0.08, 0.25 + 0.7 * diameter, 0.0)
+        # Rocks as tall as the camera stay out of its reach.
+        tall = np.where(diameter > 0.8 * rig.camera_height_m, 1.2 + diameter, 0.0)
+        keep &= distance > np.maximum(free, tall)
+    return keep
+
+
+def _apart(place: NDArray[np.float64], diameter: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Let a rock lie against a larger one, but not inside of it."""
+    keep = np.ones(len(diameter), bool)
+    for index in range(int((diameter > 0.05).sum())):
+        if keep[index]:
+            distance = np.hypot(*(place[index + 1 :] - place[index]).T)
+            keep[index + 1 :] &= distance > 0.42 * (diameter[index] + diameter[index + 1 :])
+    return keep

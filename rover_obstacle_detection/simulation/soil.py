@@ -1,0 +1,127 @@
+"""How soil looks: reflectance and grain for every texel of the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.simulation.description import SoilParameters
+from rover_obstacle_detection.simulation.ground_mesh import Fan
+from rover_obstacle_detection.simulation.noise import Tile, fractal_tile
+from rover_obstacle_detection.simulation.rock_shapes import RockTones
+from rover_obstacle_detection.simulation.terrain import Terrain
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Palette:
+    """Linear reflectances of one world."""
+
+    soil: Floats
+    dark_soil: Floats
+    rocks: RockTones
+
+
+def _colours(*rows: tuple[float, float, float]) -> Floats:
+    return np.array(rows, np.float32)
+
+
+PALETTES = {
+    'mars': Palette(
+        soil=_colours((0.36, 0.225, 0.13))[0],
+        dark_soil=_colours((0.22, 0.155, 0.105))[0],
+        rocks=RockTones(
+            tones=_colours(
+                (0.17, 0.14, 0.12),
+                (0.22, 0.18, 0.15),
+                (0.13, 0.115, 0.105),
+                (0.26, 0.19, 0.14),
+                (0.20, 0.185, 0.15),
+                (0.30, 0.25, 0.20),
+            ),
+            dust=_colours((0.36, 0.235, 0.145))[0],
+            dust_strength=1.0,
+        ),
+    ),
+    'moon': Palette(
+        soil=_colours((0.135, 0.13, 0.12))[0],
+        dark_soil=_colours((0.095, 0.092, 0.088))[0],
+        rocks=RockTones(
+            tones=_colours(
+                (0.13, 0.127, 0.123),
+                (0.16, 0.155, 0.15),
+                (0.105, 0.104, 0.10),
+                (0.19, 0.187, 0.18),
+            ),
+            dust=_colours((0.135, 0.13, 0.12))[0],
+            dust_strength=1.1,
+        ),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class SoilTexture:
+    """Textures over a fan.
+
+    Parameters
+    ----------
+    reflectance : ndarray of float32, shape (rows, columns, 3)
+        Linear, red green blue.
+    relief_m : ndarray of float32, shape (rows, columns)
+        Height of the grain, finer than the mesh: for shading only.
+    """
+
+    reflectance: Floats
+    relief_m: Floats
+
+
+class Soil:
+    """The soil of a world, everywhere the same whichever camera looks.
+
+    Parameters
+    ----------
+    parameters : SoilParameters
+    seed : int
+    """
+
+    def __init__(self, parameters: SoilParameters, seed: int) -> None:
+        rng = np.random.default_rng([seed, 6])
+        self._parameters = parameters
+        self._patch = fractal_tile(rng, 37.0, 9.0, 0.5, 1.7)
+        self._mottle = fractal_tile(rng, 5.3, 0.7, 0.04, 1.3)
+        self._crumb = fractal_tile(rng, 1.31, 0.09, 0.008, 1.0)
+        self._grain = fractal_tile(rng, 0.61, 0.02, 0.0018, 0.5)
+
+    def texture(self, texels: Fan, terrain: Terrain) -> SoilTexture:
+        """Paint the texels of a fan."""
+        p = self._parameters
+        palette = PALETTES[p.world]
+        x, y, texel = texels.x_m, texels.y_m, texels.cell_m
+        patch = self._patch.linear(x, y)
+        mottle = _faded(self._mottle, 0.15, x, y, texel)
+        crumb = _faded(self._crumb, 0.03, x, y, texel)
+        grain = _faded(self._grain, 0.005, x, y, texel)
+        cloddy = terrain.cloddiness(x, y)
+        # Single dark grains among the dust: what makes sand look like sand.
+        specks = np.maximum(grain - 1.3, 0) * (0.5 + 0.5 * cloddy)
+        tone = 0.08 * patch + 0.09 * mottle + 0.09 * crumb + 0.11 * grain * (0.7 + 0.3 * cloddy)
+        tone = np.exp(p.contrast * (tone - 0.25 * specks))
+        mix = np.clip(0.35 + 0.3 * patch + 0.12 * mottle, 0, 1) * min(p.contrast, 1.0)
+        colour = palette.soil + (palette.dark_soil - palette.soil) * mix[..., np.newaxis]
+        reflectance = np.clip(colour * tone[..., np.newaxis], 0.01, 0.9)
+        relief = p.grain_m * (1.6 * crumb * cloddy + 0.55 * grain)
+        return SoilTexture(reflectance.astype(np.float32), relief.astype(np.float32))
+
+
+def _faded(tile: Tile, wavelength_m: float, x: Floats, y: Floats, texel_m: Floats) -> Floats:
+    """Read a tile, less of it where texels are too large to show its waves."""
+    fade = 1 / (1 + (2.0 * texel_m / wavelength_m) ** 3)
+    needed = fade > 0.01
+    result = np.zeros(x.shape, np.float32)
+    if needed.any():
+        result[needed] = fade[needed, np.newaxis] * tile.linear(x[needed], y[needed])
+    return result

@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import pytest
+
+from rover_obstacle_detection.errors import ConfigurationError, MissingExtraError
+from rover_obstacle_detection.simulation import cache, renderer
+from rover_obstacle_detection.simulation.description import Scene, parameters_of
+from rover_obstacle_detection.simulation.presets import PRESETS, scene_of
+from rover_obstacle_detection.simulation.rigs import RIGS
+from rover_obstacle_detection.simulation.suite import load_suite, suite_names
+
+
+@pytest.mark.parametrize('condition', PRESETS)
+def test_every_condition_makes_a_scene_of_every_rig_that_can_be_written_down(condition):
+    for rig in RIGS:
+        scene = scene_of('x', 3, [condition], rig)
+        assert Scene.from_mapping(scene.to_mapping()) == scene
+        assert scene.rig == rig
+        if condition != 'noon':
+            assert scene != scene_of('x', 3, [], rig, {'conditions': [condition]})
+
+
+def test_later_conditions_and_parameters_win():
+    scene = scene_of(
+        'x', 1, ['low_sun_across', 'crater'], 'study', {'light': {'sun_azimuth_deg': 5}}
+    )
+    assert scene.conditions == ('low_sun_across', 'crater')
+    assert scene.light.sun_elevation_deg == 32.0
+    assert scene.light.sun_azimuth_deg == 5.0
+    assert len(scene.terrain.craters) == 2
+
+
+@pytest.mark.parametrize(
+    ('call', 'message'),
+    [
+        (lambda: scene_of('x', 1, ['crator']), "unknown condition 'crator'; did you mean crater"),
+        (lambda: scene_of('x', 1, [], 'navcm'), "rig is 'navcm': expected one of study"),
+        (
+            lambda: scene_of('x', 1, [], 'study', {'light': {'sun_elevation': 5}}),
+            'unknown scene parameter light.sun_elevation; did you mean light.sun_elevation_deg',
+        ),
+        (
+            lambda: scene_of('x', 1, [], 'study', {'rocks': {'cover': 2.0}}),
+            'cover is 2.0: expected 0 to 0.6',
+        ),
+        (
+            lambda: scene_of('x', 1, [], 'study', {'rocks': {'cover': 'much'}}),
+            "cover is 'much': expected a number",
+        ),
+        (
+            lambda: scene_of('x', 1, [], 'study', {'terrain': {'craters': [{'depth': 1}]}}),
+            r'unknown scene parameter terrain.craters\[0\].depth; did you mean',
+        ),
+        (
+            lambda: scene_of('x', 1, [], 'study', {'terrain': 3}),
+            'terrain. is 3: expected named parameters',
+        ),
+    ],
+)
+def test_what_is_wrong_is_named(call, message):
+    with pytest.raises(ConfigurationError, match=message):
+        call()
+
+
+def test_every_parameter_has_a_description():
+    parameters = list(parameters_of(Scene))
+    names = [parameter.name for parameter in parameters]
+    assert 'light.sun_elevation_deg' in names
+    assert 'seed' in names
+    assert all(parameter.description for parameter in parameters)
+
+
+def test_another_pitch_goes_into_the_rig():
+    scene = scene_of('x', 1, [], 'navcam', {'pitch_deg': 10})
+    assert scene.rig_used().pitch_deg == 10.0
+    assert scene.rig_used().baseline_m == RIGS['navcam'].baseline_m
+
+
+@pytest.mark.parametrize(
+    ('rig', 'focal', 'size'),
+    [('study', 665.1, (1024, 768)), ('navcam', 1236.1, (1024, 768)), ('vga', 457.0, (640, 480))],
+)
+def test_rigs_have_the_focal_length_of_their_view(rig, focal, size):
+    camera = RIGS[rig].camera()
+    assert camera.fx == pytest.approx(focal, abs=0.1)
+    assert (camera.width, camera.height) == size
+    half = RIGS[rig].camera(size[0] // 2)
+    assert half.fx == pytest.approx(camera.fx / 2)
+
+
+def test_the_standard_suite_covers_conditions_and_rigs_and_keeps_its_halves_apart():
+    scenes = load_suite('standard')
+    tuning = [scene for scene in scenes if scene.name.startswith('tune_')]
+    reporting = [scene for scene in scenes if scene.name.startswith('report_')]
+    assert len(tuning) + len(reporting) == len(scenes)
+    assert 22 <= len(scenes) <= 28
+    assert {scene.rig for scene in tuning} == {scene.rig for scene in reporting} == set(RIGS)
+    assert {name for scene in scenes for name in scene.conditions} == set(PRESETS)
+    assert len({scene.seed for scene in scenes}) == len(scenes)
+    assert 'standard' in suite_names()
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('scenes: [{name: a, sed: 1}]', 'scene 1'),
+        ('scenes: [{name: a, conditions: [nun]}]', "scene a: unknown condition 'nun'"),
+        ('scenes: [{name: a}, {name: a}]', 'two scenes are named a'),
+        ('scenes: []', 'expected a list named scenes'),
+        ('scenes: [', 'suite .*mine.yaml'),
+    ],
+)
+def test_a_suite_that_is_not_understood_is_refused(tmp_path, text, message):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=message):
+        load_suite(str(path))
+
+
+def test_a_suite_that_is_not_there_is_named():
+    with pytest.raises(ConfigurationError, match="no suite 'standart': expected one of standard"):
+        load_suite('standart')
+
+
+def test_a_cached_bag_is_not_rendered_again(tmp_path, monkeypatch):
+    rendered = []
+
+    def write(path, scene, frames):
+        rendered.append(scene)
+        path.mkdir(parents=True)
+
+    monkeypatch.setattr(cache, 'write_labelled_bag', write)
+    scene = scene_of('one', 1)
+    first = cache.simulated_bag(scene, tmp_path)
+    assert cache.simulated_bag(scene, tmp_path) == first
+    assert first.name == 'one'
+    assert cache.simulated_bag(scene_of('one', 2), tmp_path) != first
+    assert [scene.seed for scene in rendered] == [1, 2]
+
+
+def test_the_cache_is_where_the_user_wants_it(tmp_path, monkeypatch):
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    assert cache.cache_folder().parent == tmp_path
+
+
+def test_missing_llvm_is_named_with_the_command(monkeypatch):
+    monkeypatch.delenv('DRJIT_LIBLLVM_PATH', raising=False)
+    monkeypatch.setattr(renderer, '_find_llvm', lambda: None)
+    with pytest.raises(MissingExtraError, match='sudo apt-get install libllvm19'):
+        renderer.load_mitsuba()
+
+
+def test_missing_mitsuba_is_named_with_the_command(monkeypatch):
+    def refuse(name):
+        raise ImportError(name)
+
+    monkeypatch.setenv('DRJIT_LIBLLVM_PATH', 'libLLVM.so')
+    monkeypatch.setattr(renderer.importlib, 'import_module', refuse)
+    with pytest.raises(MissingExtraError, match=r"pip install 'rover_obstacle_detection\[sim\]'"):
+        renderer.load_mitsuba()
