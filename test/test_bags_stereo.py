@@ -152,6 +152,7 @@ def test_a_bad_frame_is_told_of_and_skipped(tmp_path, topic, change, words, numb
     assert len(bad) == pairs.bad_frames == 1
     assert bad[0].reason.startswith(words)
     assert bad[0].stamp_ns == stamp_of(number)
+    assert bad[0].topic == topic
 
 
 def test_a_corrupt_compressed_image_is_a_bad_frame(tmp_path):
@@ -295,9 +296,12 @@ def test_extra_topics_come_with_their_pair(tmp_path, order):
 
 
 def test_a_recording_is_not_held_back_by_extras_that_do_not_come(tmp_path):
-    path = write(tmp_path, stereo_messages(40))
+    label = Recorded('/truth/labels', IMAGE, image(pixels(7), stamp_of(39)), stamp_of(39))
+    path = write(tmp_path, [*stereo_messages(40), label])
     with open_bag(path) as bag:
         pairs = read_pairs(bag, bag.stereo_topics(), extra_topics=['/truth/labels'])
         assert next(pairs).stamp_ns == stamp_of(0)
         assert pairs.statistics.left < 15
-        assert len(list(pairs)) == 39
+        rest = list(pairs)
+    assert len(rest) == 39
+    assert list(rest[-1].extras) == ['/truth/labels']

@@ -144,7 +144,10 @@ def open_sources(path: Path, stack: ExitStack) -> list[Source]:
             if not files:
                 raise read_failure(path, error) from error
     if not files:
-        msg = f'{path}: is not a recording: the folder has no metadata.yaml and no .mcap or .db3'
+        msg = (
+            f'{path}: is not a recording: the folder has no metadata.yaml and no '
+            f'{", ".join(SUFFIXES)} file'
+        )
         raise BagError(msg)
     return [_open_file(each, stack) for each in files]
 
@@ -153,6 +156,8 @@ def read_failure(path: Path, error: Exception) -> BagError:
     """Say in one line that a recording cannot be read."""
     if isinstance(error, BagError):
         return error
+    if isinstance(error, PermissionError):
+        return BagError(f'{path}: cannot be read: {error.strerror}')
     reason = ' '.join(str(error).split()) or type(error).__name__
     return BagError(f'{path}: cannot be read, is it cut short or damaged? ({reason})')
 

@@ -108,7 +108,7 @@ def read_pairs(
         StereoPairing(tolerance_ns, _QUEUE_SIZE),
         window_ns=_window_ns(bag, start_s, duration_s),
         every=every,
-        extras=Extras(extra_topics),
+        extras=Extras([topic for topic in extra_topics if topic in bag.topics]),
     )
 
 
@@ -216,21 +216,19 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         self._seen_pairs += 1
         if (self._seen_pairs - 1) % self._every:
             return
+        topic = self._topics.left_image
         try:
-            frame = self._decode(pair)
+            left = decode_any_image(pair.left, topic)
+            topic = self._topics.right_image
+            right = decode_any_image(pair.right, topic)
+            self._check_sizes(left, right)
+            left, right = self._watch.rectify(left, right)
         except ImageError as error:
-            yield BadFrame(pair.stamp_ns, self._topics.left_image, str(error))
-        else:
-            self._decoded_pairs += 1
-            yield frame
-
-    def _decode(self, pair: Pair) -> StereoPair:
-        left = decode_any_image(pair.left, self._topics.left_image)
-        right = decode_any_image(pair.right, self._topics.right_image)
-        self._check_sizes(left, right)
-        left, right = self._watch.rectify(left, right)
+            yield BadFrame(pair.stamp_ns, topic, str(error))
+            return
+        self._decoded_pairs += 1
         frame_id = str(pair.left.header.frame_id)
-        return StereoPair(
+        yield StereoPair(
             stamp_ns=pair.stamp_ns,
             frame_id=frame_id,
             left=left,

@@ -24,7 +24,9 @@ def ros1_typestore() -> Typestore:
 
 
 class RosbagsFactory:
-    """Makes messages of a rosbags typestore, with defaults for what is not given.
+    """Makes messages of a rosbags typestore; what is not given is zero or empty.
+
+    Other defaults of ROS, such as a quaternion's w of 1, are not applied: give them.
 
     Parameters
     ----------
