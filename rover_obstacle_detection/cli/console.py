@@ -43,6 +43,9 @@ def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
     )
 
     console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda index, done, expected: None
+        return
     progress = Progress(
         TextColumn('{task.description}', markup=False),
         BarColumn(),
@@ -51,7 +54,6 @@ def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=console,
-        disable=not console.is_terminal,
     )
     with progress:
         identifiers = [progress.add_task(task, total=None) for task in tasks]
