@@ -38,10 +38,12 @@ def penalties(config: DetectorConfig, own: Penalties) -> Penalties:
 def disparity_range(camera: StereoCamera, nearest_m: float) -> int:
     """Disparities to search, a multiple of 16, so that ``nearest_m`` is still matched.
 
-    ``fx B / Z`` plus the disparity of infinity; never more than the image is wide.
+    ``fx B / Z`` plus the disparity of infinity; at most 0.8 of the image's width, so that not all
+    of it is blind border.
     """
     widest = camera.disparity_at(nearest_m) + max(camera.disparity_offset, 0.0) + 1
-    return min(_next_multiple(widest, 16), _next_multiple(camera.width * 0.8, 16))
+    most = max(16, math.floor(camera.width * 0.8 / 16) * 16)
+    return min(_next_multiple(widest, 16), most)
 
 
 def semi_global_match(

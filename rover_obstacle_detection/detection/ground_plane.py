@@ -109,7 +109,10 @@ def fit_ground_plane(
         return None
     best = candidates[np.argmin(_costs(candidates, points, camera, tolerance_m, noise_px))]
     for _ in range(_REFINEMENTS):
-        best = _reweighted(best, points, camera, tolerance_m, noise_px)
+        refined = _reweighted(best, points, camera, tolerance_m, noise_px)
+        if not _plausible(refined[np.newaxis], camera, gravity).all():
+            break
+        best = refined
     return DisparityPlane(*(float(value) for value in best))
 
 

@@ -74,7 +74,8 @@ def _to_grey(image: NDArray[Any], shift: int) -> NDArray[np.uint8]:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
     if image.dtype == np.uint16:
         image = np.minimum(image >> shift, 255).astype(np.uint8)
-    return _as_uint8(np.ascontiguousarray(image))
+    # A copy also of what is grey already: the caller may use the buffer again.
+    return np.array(image, np.uint8, order='C')
 
 
 def _as_uint8(image: Any) -> NDArray[np.uint8]:

@@ -60,10 +60,11 @@ def connected_levels(image: NDArray[np.uint8], max_difference: float) -> NDArray
     between them; connected components of that binary picture are those of the graph.
     """
     height, width = image.shape
+    levels = image.astype(np.int16)
     links = np.zeros((2 * height - 1, 2 * width - 1), np.uint8)
     links[::2, ::2] = 1
-    links[::2, 1::2] = cv2.absdiff(image[:, 1:], image[:, :-1]) <= max_difference
-    links[1::2, ::2] = cv2.absdiff(image[1:], image[:-1]) <= max_difference
+    links[::2, 1::2] = np.abs(np.diff(levels, axis=1)) <= max_difference
+    links[1::2, ::2] = np.abs(np.diff(levels, axis=0)) <= max_difference
     _, labels = cv2.connectedComponents(links, connectivity=4, ltype=cv2.CV_32S)
     return np.ascontiguousarray(labels[::2, ::2], np.int32)
 

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_obstacle_detection.detection.obstacles import find_obstacles
+
+
+def scene():
+    """Pixels a decimetre apart on a wall 2 m away, all 0.2 m high."""
+    rows, columns = np.mgrid[0:20, 0:30]
+    points = np.stack((columns / 10, rows / 10, np.full_like(columns, 2)), axis=-1)
+    mask = np.zeros((20, 30), np.uint8)
+    return mask, points.astype(np.float32), np.full((20, 30), 0.2, np.float32)
+
+
+def test_nothing_in_an_empty_mask():
+    assert find_obstacles(*scene()) == ()
+
+
+def test_obstacle_has_its_box_in_the_image_and_in_space():
+    mask, points, height = scene()
+    mask[3:6, 10:15] = 255
+    height[4, 12] = 0.35
+    (found,) = find_obstacles(mask, points, height)
+    assert (found.left, found.top, found.width, found.height, found.pixels) == (10, 3, 5, 3, 15)
+    assert found.minimum_m == pytest.approx((1.0, 0.3, 2.0))
+    assert found.maximum_m == pytest.approx((1.4, 0.5, 2.0))
+    assert found.max_height_m == pytest.approx(0.35)
+    assert found.range_m == pytest.approx(math.sqrt(1.0**2 + 0.3**2 + 2.0**2))
+
+
+def test_largest_comes_first():
+    mask, points, height = scene()
+    mask[1, 1] = 255
+    mask[5:9, 5:9] = 255
+    mask[12:14, 20:22] = 255
+    assert [each.pixels for each in find_obstacles(mask, points, height)] == [16, 4, 1]
+
+
+def test_corners_connect():
+    mask, points, height = scene()
+    mask[3, 3] = mask[4, 4] = 255
+    (found,) = find_obstacles(mask, points, height)
+    assert (found.width, found.height, found.pixels) == (2, 2, 2)
+
+
+def test_figures_are_of_its_own_pixels_only():
+    mask, points, height = scene()
+    mask[2:8, 2] = mask[2, 2:8] = 255
+    mask[6, 6] = 255
+    points[6, 6] = (-9, -9, 0.1)
+    height[6, 6] = 5
+    large, small = find_obstacles(mask, points, height)
+    assert large.max_height_m == pytest.approx(0.2)
+    assert large.minimum_m == pytest.approx((0.2, 0.2, 2.0))
+    assert small.max_height_m == pytest.approx(5)
+    assert small.minimum_m == small.maximum_m == pytest.approx((-9, -9, 0.1))
+
+
+def test_points_without_depth_do_not_count():
+    mask, points, height = scene()
+    mask[5:8, 5:8] = 255
+    points[5], height[5] = np.nan, np.nan
+    (found,) = find_obstacles(mask, points, height)
+    assert found.pixels == 9
+    assert found.minimum_m == pytest.approx((0.5, 0.6, 2.0))
+
+
+def test_obstacle_without_any_depth_is_kept_with_unknown_place():
+    mask, points, height = scene()
+    mask[5:8, 5:8] = 255
+    points[:], height[:] = np.nan, np.nan
+    (found,) = find_obstacles(mask, points, height)
+    assert (found.left, found.top, found.pixels) == (5, 5, 9)
+    assert all(map(math.isnan, (*found.minimum_m, *found.maximum_m)))
+    assert math.isnan(found.max_height_m)
+    assert math.isnan(found.range_m)
+
+
+def test_order_of_equals_does_not_change():
+    mask, points, height = scene()
+    mask[2, 2] = mask[2, 12] = mask[12, 7] = 255
+    found = find_obstacles(mask, points, height)
+    assert [(each.left, each.top) for each in found] == [(2, 2), (12, 2), (7, 12)]
