@@ -81,8 +81,15 @@ class Process:
         return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
     def resident_mb(self) -> float:
+        return self._memory_mb('VmRSS')
+
+    def own_mb(self) -> float:
+        """Resident memory without the segments that it shares with other processes."""
+        return self.resident_mb() - self._memory_mb('RssShmem')
+
+    def _memory_mb(self, name: str) -> float:
         status = Path(f'/proc/{self.pid}/status').read_text()
-        found = re.search(r'VmRSS:\s+(\d+) kB', status)
+        found = re.search(rf'{name}:\s+(\d+) kB', status)
         assert found
         return int(found[1]) / 1024
 

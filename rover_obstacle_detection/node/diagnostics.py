@@ -75,7 +75,7 @@ def _input(state: NodeState) -> Status:
     counts, pairing = state.counts, state.pairing
     values = {
         'pair rate (Hz)': f'{counts.pair_rate_hz:.2f}',
-        'images lost by the transport': str(counts.lost),
+        'images lost on the way': str(counts.lost),
     }
     if pairing is not None:
         values |= {

@@ -41,7 +41,12 @@ class OutputPublishers:
                         depth=DEPTH,
                         reliability=ReliabilityPolicy.RELIABLE,
                     ),
-                    event_callbacks=PublisherEventCallbacks(matched=lambda event: on_audience()),
+                    event_callbacks=PublisherEventCallbacks(
+                        matched=lambda event: on_audience(),
+                        # rclpy goes through every event handler with every message that comes:
+                        # two more for each output would double what the node costs at rest.
+                        use_default_callbacks=False,
+                    ),
                     qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 ),
             )

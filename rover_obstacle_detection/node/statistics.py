@@ -29,7 +29,7 @@ class Snapshot:
     dropped : int
         Good pairs that a newer one replaced before the detector was free.
     lost : int
-        Images that the transport lost on the way to the node.
+        Images that were sent and never reached the node.
     bad : dict of str to int
         Frames that could not be used, by what was wrong with them.
     latency_p50_ms, latency_p95_ms : float or None

@@ -1,0 +1,66 @@
+"""The node under load, and without any."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+import synthetic
+from live_graph import live_graph, write_stereo_bag
+from live_load import idle_cpu_share, overload, steady
+
+FULL = synthetic.render(
+    synthetic.mast(1024, 768, solids=(synthetic.Box(0.0, 1.0, 0.3, 0.3, 0.25),))
+)
+SMALL = synthetic.render(synthetic.mast())
+SECOND = 1_000_000_000
+
+
+def test_node_without_audience_takes_less_than_3_percent_of_a_core(tmp_path: Path) -> None:
+    with live_graph(tmp_path) as graph:
+        assert idle_cpu_share(graph, FULL, rate_hz=10.0, seconds=5.0) < 0.03
+
+
+def test_overload_takes_the_newest_pair_counts_the_others_and_passes(tmp_path: Path) -> None:
+    with live_graph(tmp_path) as graph:
+        figures = overload(graph, FULL, rate_hz=60.0, seconds=4.0)
+
+    assert len(figures.staleness_s) >= 2
+    assert np.median(figures.staleness_s) < 2 * figures.frame_s
+    assert figures.dropped > 0
+    assert figures.bad == 0
+    # Nothing is lost that is not counted.
+    assert figures.pairs == figures.detections + figures.dropped
+    assert figures.received + figures.lost == 2 * figures.sent
+
+
+def test_five_large_pairs_a_second_arrive_all(tmp_path: Path) -> None:
+    frames = 40
+    write_stereo_bag(tmp_path / 'bag', FULL, stamps_ns(frames, rate_hz=5))
+
+    with live_graph(tmp_path) as graph:
+        figures = steady(graph, tmp_path / 'bag', frames, settled_after=20)
+
+    assert (figures.pairs, figures.lost) == (frames, 0)
+    assert figures.detections + figures.dropped == frames
+    assert figures.latency_p50_ms <= figures.latency_p95_ms
+    assert figures.end_mb < 400
+
+
+def test_memory_stays_after_the_first_fifty_pairs(tmp_path: Path) -> None:
+    frames = 200
+    write_stereo_bag(tmp_path / 'bag', SMALL, stamps_ns(frames, rate_hz=20))
+
+    with live_graph(tmp_path) as graph:
+        figures = steady(graph, tmp_path / 'bag', frames, settled_after=50)
+
+    assert (figures.pairs, figures.lost) == (frames, 0)
+    assert figures.end_mb < 1.05 * figures.settled_mb
+
+
+def stamps_ns(count: int, rate_hz: int) -> list[int]:
+    return [1000 * SECOND + number * SECOND // rate_hz for number in range(count)]
