@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.clearance import grown_from_cores
+from rover_obstacle_detection.detection.clearance import grown_from_cores, small_parts
 
 CORE, FOOT = 0.10, 0.03
 
@@ -63,3 +63,14 @@ def test_limits_may_vary_over_the_image():
 @pytest.mark.parametrize('height', [0.0, -0.5])
 def test_flat_ground_and_hollows_are_not_above_anything(height):
     assert not grown_from_cores(np.full((5, 5), height, np.float32), CORE, FOOT, 1).any()
+
+
+def test_small_parts_are_those_under_the_size():
+    mask = np.zeros((6, 12), bool)
+    mask[1, 1:4] = True
+    mask[3:5, 6:8] = True
+    mask[2, 4] = True
+    expected = np.zeros_like(mask)
+    assert not small_parts(mask, 4).any()
+    expected[1, 1:4] = expected[2, 4] = expected[3:5, 6:8] = True
+    np.testing.assert_array_equal(small_parts(mask, 5), expected)

@@ -23,13 +23,25 @@ def test_nothing_in_an_empty_mask():
 def test_obstacle_has_its_box_in_the_image_and_in_space():
     mask, points, height = scene()
     mask[3:6, 10:15] = 255
-    height[4, 12] = 0.35
+    height[3, 10:15] = 0.35
     (found,) = find_obstacles(mask, points, height)
     assert (found.left, found.top, found.width, found.height, found.pixels) == (10, 3, 5, 3, 15)
     assert found.minimum_m == pytest.approx((1.0, 0.3, 2.0))
     assert found.maximum_m == pytest.approx((1.4, 0.5, 2.0))
     assert found.max_height_m == pytest.approx(0.35)
-    assert found.range_m == pytest.approx(math.sqrt(1.0**2 + 0.3**2 + 2.0**2))
+    assert found.range_m == pytest.approx(math.sqrt(1.0**2 + 0.3**2 + 2.0**2), abs=0.03)
+
+
+def test_single_mismatches_do_not_stretch_the_box():
+    mask, points, height = scene()
+    mask[2:12, 5:25] = 255
+    points[4, 9], height[4, 9] = (40.0, -30.0, 200.0), 9.0
+    points[8, 15], height[8, 15] = (0.0, 0.0, 0.1), -3.0
+    (found,) = find_obstacles(mask, points, height)
+    assert found.maximum_m == pytest.approx((2.4, 1.1, 2.0), abs=0.05)
+    assert found.minimum_m == pytest.approx((0.5, 0.2, 2.0), abs=0.05)
+    assert found.max_height_m == pytest.approx(0.2)
+    assert found.range_m > 2.0
 
 
 def test_largest_comes_first():

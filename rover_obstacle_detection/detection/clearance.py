@@ -40,3 +40,11 @@ def grown_from_cores(
     keep = cores >= min_core_pixels
     keep[0] = False
     return np.asarray(keep[labels])
+
+
+def small_parts(mask: NDArray[np.bool_], min_pixels: int) -> NDArray[np.bool_]:
+    """Find the 8-connected parts of a mask that have fewer than ``min_pixels`` pixels."""
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    small = boxes[:, cv2.CC_STAT_AREA] < min_pixels
+    small[0] = False
+    return np.asarray(small[labels])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.clearance import grown_from_cores
+from rover_obstacle_detection.detection.clearance import grown_from_cores, small_parts
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection
 from rover_obstacle_detection.detection.disparity import Penalties, penalties
@@ -314,8 +314,9 @@ def draw_outlines(
     with np.errstate(invalid='ignore'):
         core = obstacle & (terrain.height_m > CORE_SHARE * config.max_step)
     soft[core] = 1.0
+    soft[small_parts(soft > 0.5, MIN_CORE_PIXELS)] = 0.0
     full = _at_full_resolution(soft, grey.shape)
-    return np.asarray(cv2.compare(full, 0.5, cv2.CMP_GT), np.uint8)
+    return (full > 0.5).astype(np.uint8) * np.uint8(OBSTACLE)
 
 
 def _detection(

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+_TAIL = 0.02
+
 
 @dataclass(frozen=True)
 class Obstacle:
@@ -25,7 +27,12 @@ class Obstacle:
     max_height_m : float
         Greatest height above the local ground, metres; NaN without 3D.
     range_m : float
-        Distance of its nearest point from the left eye, metres; NaN without 3D.
+        Distance of its nearest part from the left eye, metres; NaN without 3D.
+
+    Notes
+    -----
+    The measures in metres leave out the last two per cent of the points at either end: a single
+    mismatch would make a box as deep as the scene.
     """
 
     left: int
@@ -75,19 +82,22 @@ def _measure(
     # A height may be carried to a pixel that has no disparity of its own.
     inside &= np.isfinite(points[window][..., 2])
     own = points[window][inside]
-    nowhere = (np.nan, np.nan, np.nan)
+    if not len(own):
+        nowhere = (np.nan, np.nan, np.nan)
+        return Obstacle(left, top, width, height, pixels, nowhere, nowhere, np.nan, np.nan)
+    low, high = np.quantile(own, (_TAIL, 1 - _TAIL), axis=0)
     return Obstacle(
         left=left,
         top=top,
         width=width,
         height=height,
         pixels=pixels,
-        minimum_m=_corner(own.min(axis=0)) if len(own) else nowhere,
-        maximum_m=_corner(own.max(axis=0)) if len(own) else nowhere,
-        max_height_m=float(height_m[window][inside].max()) if len(own) else np.nan,
-        range_m=float(np.linalg.norm(own, axis=1).min()) if len(own) else np.nan,
+        minimum_m=_corner(low),
+        maximum_m=_corner(high),
+        max_height_m=float(np.quantile(height_m[window][inside], 1 - _TAIL)),
+        range_m=float(np.quantile(np.linalg.norm(own, axis=1), _TAIL)),
     )
 
 
-def _corner(values: NDArray[np.float32]) -> tuple[float, float, float]:
+def _corner(values: NDArray[np.float64]) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
