@@ -16,7 +16,7 @@ from rover_obstacle_detection.evaluation.results import (
     mean_iou,
     total,
 )
-from rover_obstacle_detection.summary import preamble
+from rover_obstacle_detection.offline.summary import preamble
 
 RATIOS = ('precision', 'recall', 'f1', 'iou', 'obstacle_recall', 'false_alarms_per_frame')
 

@@ -8,7 +8,7 @@ from hand_made import CAMERA, stereo_images, write_calibration
 
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
-from rover_obstacle_detection.picture_files import PICTURE_NAMES
+from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES
 
 
 @pytest.fixture

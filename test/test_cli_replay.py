@@ -17,7 +17,7 @@ from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.messages.cloud import decode_cloud
 from rover_obstacle_detection.messages.image import decode_image
-from rover_obstacle_detection.picture_files import PICTURE_NAMES
+from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES
 
 PERIOD_NS = 100_000_000
 COMMAND = (sys.executable, '-m', 'rover_obstacle_detection', 'replay')

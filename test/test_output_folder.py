@@ -1,7 +1,7 @@
 import pytest
 
 from rover_obstacle_detection.errors import OutputError
-from rover_obstacle_detection.output_folder import output_folder
+from rover_obstacle_detection.offline.output_folder import output_folder
 
 OWN = ('summary.json', 'images/[0-9]*.png')
 

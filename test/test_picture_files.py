@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 from hand_made import small_detection
 
-from rover_obstacle_detection.picture_files import (
+from rover_obstacle_detection.offline.picture_files import (
     PICTURE_NAMES,
     ColourBar,
     with_key,

@@ -1,6 +1,6 @@
 import numpy as np
 
-from rover_obstacle_detection.ply import write_ply
+from rover_obstacle_detection.offline.ply import write_ply
 
 
 def test_both_clouds_come_back_with_their_flag_and_colour(tmp_path):

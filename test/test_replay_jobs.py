@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rover_obstacle_detection import replay_jobs
 from rover_obstacle_detection.errors import OutputError
-from rover_obstacle_detection.replay_jobs import ReplayJob, plan_jobs
+from rover_obstacle_detection.offline.replay_jobs import ReplayJob, plan_jobs
 
 
 def test_a_single_bag_gets_the_output_folder_itself(tmp_path):

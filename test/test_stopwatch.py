@@ -1,6 +1,6 @@
 import pytest
 
-from rover_obstacle_detection.stopwatch import Stopwatch, stage_times
+from rover_obstacle_detection.offline.stopwatch import Stopwatch, stage_times
 
 
 def _clock(*times_ms):

@@ -61,10 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Detect in the pair, and print its obstacles."""
     from rich.console import Console
 
-    from rover_obstacle_detection.detect_pair import detect_pair
-    from rover_obstacle_detection.output_folder import check_output
+    from rover_obstacle_detection.offline.detect_pair import detect_pair
+    from rover_obstacle_detection.offline.output_folder import check_output
+    from rover_obstacle_detection.offline.summary_table import obstacle_table
     from rover_obstacle_detection.rover_mask import RoverMask
-    from rover_obstacle_detection.summary_table import obstacle_table
 
     check_output(arguments.output, force=arguments.force)
     detection = detect_pair(

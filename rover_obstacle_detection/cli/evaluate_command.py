@@ -122,7 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Evaluate the bags, and print the tables."""
     from rover_obstacle_detection.evaluate import evaluate_bags
     from rover_obstacle_detection.evaluation.runner import RunOptions
-    from rover_obstacle_detection.summary import write_json
+    from rover_obstacle_detection.offline.summary import write_json
 
     config = detector_config(argparse.Namespace(**{**vars(arguments), 'method': None}))
     _check_outputs(arguments)

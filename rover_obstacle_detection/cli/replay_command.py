@@ -18,7 +18,7 @@ from rover_obstacle_detection.cli.arguments import (
 from rover_obstacle_detection.cli.console import progress_bars, report_error
 
 if TYPE_CHECKING:
-    from rover_obstacle_detection.replay import ReplayOptions
+    from rover_obstacle_detection.offline.replay import ReplayOptions
 
 DESCRIPTION = """\
 Run the detector over recorded bags (rosbag2 in mcap or sqlite3, rosbag1).
@@ -114,10 +114,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay the bags, and print the table."""
     from rich.console import Console
 
-    from rover_obstacle_detection.output_folder import check_output, folder_if_filled
-    from rover_obstacle_detection.replay_jobs import plan_jobs, replay_jobs
-    from rover_obstacle_detection.summary import ReplaySummary
-    from rover_obstacle_detection.summary_table import replay_table
+    from rover_obstacle_detection.offline.output_folder import check_output, folder_if_filled
+    from rover_obstacle_detection.offline.replay_jobs import plan_jobs, replay_jobs
+    from rover_obstacle_detection.offline.summary import ReplaySummary
+    from rover_obstacle_detection.offline.summary_table import replay_table
 
     options = _options(arguments)
     check_output(arguments.output, force=arguments.force)
@@ -143,7 +143,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _options(arguments: argparse.Namespace) -> ReplayOptions:
-    from rover_obstacle_detection.replay import ReplayOptions
+    from rover_obstacle_detection.offline.replay import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
     calibration = (arguments.left_info, arguments.right_info)

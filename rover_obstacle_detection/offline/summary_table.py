@@ -13,8 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rover_obstacle_detection.detection.obstacles import Obstacle
-from rover_obstacle_detection.stopwatch import StageTime
-from rover_obstacle_detection.summary import ReplaySummary
+from rover_obstacle_detection.offline.stopwatch import StageTime
+from rover_obstacle_detection.offline.summary import ReplaySummary
 
 _COLUMNS = 4
 _LISTED_REASONS = 5

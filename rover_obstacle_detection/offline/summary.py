@@ -25,8 +25,8 @@ from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detection import OBSTACLE, Detection
 from rover_obstacle_detection.detection.obstacles import Obstacle
+from rover_obstacle_detection.offline.stopwatch import StageTime, stage_times
 from rover_obstacle_detection.pairing import PairingStatistics
-from rover_obstacle_detection.stopwatch import StageTime, stage_times
 
 FORMAT_VERSION = 1
 

@@ -17,12 +17,10 @@ from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
-from rover_obstacle_detection.output_folder import output_folder
-from rover_obstacle_detection.pairing import PairingStatistics
-from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures
-from rover_obstacle_detection.rover_mask import RoverMask
-from rover_obstacle_detection.stopwatch import Stopwatch
-from rover_obstacle_detection.summary import (
+from rover_obstacle_detection.offline.output_folder import output_folder
+from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures
+from rover_obstacle_detection.offline.stopwatch import Stopwatch
+from rover_obstacle_detection.offline.summary import (
     READ,
     WRITE_BAG,
     WRITE_IMAGES,
@@ -31,6 +29,8 @@ from rover_obstacle_detection.summary import (
     ReplaySummary,
     write_json,
 )
+from rover_obstacle_detection.pairing import PairingStatistics
+from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
 
 OnProgress = Callable[[int, int], None]

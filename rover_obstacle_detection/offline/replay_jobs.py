@@ -16,8 +16,8 @@ from typing import Any
 import cv2
 
 from rover_obstacle_detection.errors import ObstacleDetectionError, OutputError
-from rover_obstacle_detection.replay import ReplayOptions, replay_bag
-from rover_obstacle_detection.summary import ReplaySummary
+from rover_obstacle_detection.offline.replay import ReplayOptions, replay_bag
+from rover_obstacle_detection.offline.summary import ReplaySummary
 
 OnJobProgress = Callable[[int, int, int], None]
 """Called with the job's index, the pairs done and the pairs expected."""

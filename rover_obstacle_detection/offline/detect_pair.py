@@ -16,12 +16,17 @@ from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.errors import ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_camera
 from rover_obstacle_detection.messages.image import decode_compressed_image
-from rover_obstacle_detection.output_folder import output_folder
-from rover_obstacle_detection.picture_files import PICTURE_NAMES, write_pictures, write_png
-from rover_obstacle_detection.ply import write_ply
+from rover_obstacle_detection.offline.output_folder import output_folder
+from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures, write_png
+from rover_obstacle_detection.offline.ply import write_ply
+from rover_obstacle_detection.offline.stopwatch import Stopwatch
+from rover_obstacle_detection.offline.summary import (
+    FrameSummary,
+    obstacle_json,
+    preamble,
+    write_json,
+)
 from rover_obstacle_detection.rover_mask import RoverMask
-from rover_obstacle_detection.stopwatch import Stopwatch
-from rover_obstacle_detection.summary import FrameSummary, obstacle_json, preamble, write_json
 from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
 
 OWN_FILES = (

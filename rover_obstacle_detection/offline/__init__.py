@@ -1,0 +1,1 @@
+"""The detector over recordings and image files: the work behind ``replay`` and ``detect``."""
