@@ -2,8 +2,8 @@ from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from rover_obstacle_detection import replay_jobs
 from rover_obstacle_detection.errors import OutputError
+from rover_obstacle_detection.offline import replay_jobs
 from rover_obstacle_detection.offline.replay_jobs import ReplayJob, plan_jobs
 
 
