@@ -9,9 +9,13 @@ from typing import Any, NamedTuple, Protocol
 
 from rosbags.convert.converter import migrate_bytes
 from rosbags.highlevel import AnyReader
+from rosbags.typesys.store import Typestore
 
+from rover_obstacle_detection.bags.topics import COMPRESSED_TYPE, IMAGE_TYPE, INFO_TYPE
 from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.messages.rosbags_factory import ros1_typestore, ros2_typestore
+
+_UNCHANGED = frozenset({IMAGE_TYPE, COMPRESSED_TYPE, INFO_TYPE})
 
 SUFFIXES = ('.mcap', '.db3', '.bag')
 
@@ -93,12 +97,10 @@ class RosbagsSource:
 
     def deserialize(self, entry: Entry) -> Any:
         """Make the message of an entry."""
-        if entry.type_name in self._reader.typestore.fielddefs:
-            return self._reader.deserialize(entry.data, entry.type_name)
-        # Recordings need not define every type, old ones define none.
+        typestore = choose_typestore(entry.type_name, self._reader.typestore, self._known)
         if self._reader.is2:
-            return self._known.deserialize_cdr(entry.data, entry.type_name)
-        return self._known.deserialize_ros1(entry.data, entry.type_name)
+            return typestore.deserialize_cdr(entry.data, entry.type_name)
+        return typestore.deserialize_ros1(entry.data, entry.type_name)
 
     def serialized(self, entry: Entry) -> bytes | memoryview:
         """Give the message of an entry as ROS 2 sends it (CDR)."""
@@ -114,6 +116,15 @@ class RosbagsSource:
             src_is2=False,
             dst_is2=True,
         )
+
+
+def choose_typestore(type_name: str, recorded: Typestore, known: Typestore) -> Typestore:
+    """Choose whose definition of a type to go by, the recording's own or the standard one.
+
+    Recordings need not define every type, old ones define none; and of the types that have never
+    changed, a damaged definition must not be taken for a new one.
+    """
+    return known if type_name in _UNCHANGED or type_name not in recorded.fielddefs else recorded
 
 
 def open_sources(path: Path, stack: ExitStack) -> list[Source]:
@@ -152,7 +163,7 @@ def open_sources(path: Path, stack: ExitStack) -> list[Source]:
     return [_open_file(each, stack) for each in files]
 
 
-def read_failure(path: Path, error: Exception) -> BagError:
+def read_failure(path: Path, error: Exception | str) -> BagError:
     """Say in one line that a recording cannot be read."""
     if isinstance(error, BagError):
         return error
@@ -175,16 +186,11 @@ def _open_file(path: Path, stack: ExitStack) -> Source:
             raise BagError(msg)
         return RosbagsSource(path, stack)
     except Exception as error:
-        failure = read_failure(path, error)
-        if path.suffix != '.mcap' or isinstance(error, BagError):
-            raise failure from error
-        return _open_damaged_mcap(path, failure)
+        if path.suffix != '.mcap' or isinstance(error, (BagError, PermissionError)):
+            raise read_failure(path, error) from error
+    from rover_obstacle_detection.bags.streamed_mcap import StreamedMcap
 
-
-def _open_damaged_mcap(path: Path, failure: BagError) -> Source:
-    from rover_obstacle_detection.bags.damaged_mcap import DamagedMcap
-
-    source = DamagedMcap(path)
-    if source.span_ns is None:
-        raise failure
+    source = StreamedMcap(path)
+    if source.span_ns is None and source.failure:
+        raise read_failure(path, source.failure)
     return source

@@ -1,4 +1,7 @@
-"""Mcap files without their end, as a loss of power leaves them: read up to the break."""
+"""Mcap files read from the beginning, without the index at their end.
+
+A loss of power leaves them without it, and some recorders do not write ROS's profile.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,13 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rover_obstacle_detection.bags.sources import Entry
+from rover_obstacle_detection.bags.sources import Entry, choose_typestore
 from rover_obstacle_detection.messages.rosbags_factory import ros2_typestore
 
 _ROS_ENCODING = 'cdr'
 
 
-class DamagedMcap:
+class StreamedMcap:
     """The messages of an mcap file that come before its first unreadable record.
 
     Parameters
@@ -31,7 +34,8 @@ class DamagedMcap:
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[str] = Counter()
         self.span_ns: tuple[int, int] | None = None
-        self._failure = ''
+        self.failure = ''
+        """What is wrong with the first unreadable record; empty if all can be read."""
         self._scan()
         self._typestore = get_typestore(Stores.EMPTY)
         self._register_types()
@@ -39,10 +43,12 @@ class DamagedMcap:
             channel.topic: self._schemas[channel.schema_id].name
             for channel in self._channels.values()
         }
-        self.note = (
-            f'{path}: cut short or damaged ({self._failure}): read as far as it goes, '
-            f'{self._counts.total()} messages'
-        )
+        self.note = ''
+        if self.failure:
+            self.note = (
+                f'{path}: cut short or damaged ({self.failure}): read as far as it goes, '
+                f'{self._counts.total()} messages'
+            )
 
     def message_count(self, topic: str) -> int:
         """Count the messages of a topic."""
@@ -63,8 +69,7 @@ class DamagedMcap:
 
     def deserialize(self, entry: Entry) -> Any:
         """Make the message of an entry."""
-        is_defined = entry.type_name in self._typestore.fielddefs
-        typestore = self._typestore if is_defined else ros2_typestore()
+        typestore = choose_typestore(entry.type_name, self._typestore, ros2_typestore())
         return typestore.deserialize_cdr(entry.data, entry.type_name)
 
     def serialized(self, entry: Entry) -> bytes:
@@ -86,7 +91,7 @@ class DamagedMcap:
                 try:
                     record = next(records, None)
                 except Exception as error:
-                    self._failure = ' '.join(str(error).split()) or type(error).__name__
+                    self.failure = ' '.join(str(error).split()) or type(error).__name__
                     return
                 if record is None:
                     return
