@@ -64,8 +64,8 @@ def evaluation_html(evaluation: Evaluation, config: DetectorConfig) -> str:
     page = Page(
         title='Obstacle detection against labels',
         lead=(
-            f'{len(scenes)} scenes, {frames} frames, {len(evaluation.conditions)} conditions, '
-            f'{len(evaluation.methods)} methods. {_parameters(config)}',
+            f'Scenes: {len(scenes)}. Frames: {frames}. Methods: {len(evaluation.methods)}. '
+            f'Conditions: {", ".join(evaluation.conditions)}. {_parameters(config)}',
         ),
         sections=tuple(_sections(evaluation, config)),
         foot=f'rover_obstacle_detection {__version__}',
@@ -126,8 +126,9 @@ def _curve_blocks(evaluation: Evaluation, config: DetectorConfig) -> Iterator[Bl
         marked = clearances.index(configured) if configured in clearances else None
         precisions = [each.precision for each in figures]
         recalls = [each.recall for each in figures]
-        recall_precision.append(Line(method, recalls, precisions, marked))
-        ious.append(Line(method, clearances, [each.iou for each in figures], marked))
+        colour = evaluation.methods.index(method)
+        recall_precision.append(Line(method, recalls, precisions, colour, marked))
+        ious.append(Line(method, clearances, [each.iou for each in figures], colour, marked))
     yield PictureBlock(
         'Precision against recall of pixels as max_step goes from 0.4 to 2 times its value '
         '(large dot: as configured). The labels stay those of the true clearance.',
@@ -159,8 +160,9 @@ def _range_blocks(evaluation: Evaluation) -> Iterator[Block]:
                     getattr(spans[index], name) if spans[index].obstacle_pixels else None
                     for index in used
                 ],
+                colour,
             )
-            for method in evaluation.methods
+            for colour, method in enumerate(evaluation.methods)
             if (spans := evaluation.by_range(method))
         ]
         svg = line_plot(

@@ -92,7 +92,7 @@ def installed_methods() -> list[str]:
 def evaluated(bags: Sequence[Path], methods: Sequence[str], *, curve: bool) -> Evaluation:
     """Run the methods over the bags; what cannot be used is an error here."""
     config = DetectorConfig()
-    options = RunOptions(methods, config, repeat=3, curve=curve, worst_pictures=WORST)
+    options = RunOptions(methods, config, curve=curve, worst_pictures=WORST)
     evaluation, errors = evaluate_bags(
         bags,
         options,

@@ -87,7 +87,7 @@ def words(svg: bytes) -> str:
 def test_a_line_plot_names_its_lines() -> None:
     lines = [
         Line('hybrid', [0.1, 0.5, None], [0.9, None, 0.3], marked=0),
-        Line('study', [0.2, 0.4], [0.5, 0.6], marked=1),
+        Line('study', [0.2, 0.4], [0.5, 0.6], colour=9, marked=1),
     ]
     said = words(line_plot(lines, 'recall', 'precision', y_limits=(0, 1)))
     assert all(name in said for name in ('hybrid', 'study', 'recall', 'precision'))

@@ -113,8 +113,9 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
         '--repeat',
         metavar='N',
         type=positive_int,
-        default=1,
-        help='calls of each method on each frame, of which the median time counts (default: 1)',
+        default=3,
+        help='calls of each method on each frame, of which the median time counts; fewer where '
+        'they take seconds (default: 3)',
     )
 
 
@@ -220,7 +221,7 @@ def _print_tables(evaluation: Evaluation) -> None:
     tables = []
     for method in evaluation.methods:
         tables.append(scene_table(evaluation, method))
-        if len(evaluation.conditions) > 1:
+        if len(evaluation.of(method)) > 1:
             tables.append(condition_table(evaluation, method))
     tables.append(method_table(evaluation))
     console = Console(highlight=False)

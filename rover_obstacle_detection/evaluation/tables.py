@@ -183,7 +183,11 @@ def _found_and_alarms(results: Sequence[SceneResult]) -> str:
 def _spread_mm(distribution: Distribution, *, on_obstacles: bool) -> str:
     counts = distribution.obstacle if on_obstacles else distribution.free
     values = [distribution.quantile(counts, share) for share in (0.1, 0.5, 0.9)]
-    return ' / '.join(NONE if value is None else f'{1000 * value:.2g}' for value in values)
+    return ' / '.join(NONE if value is None else _millimetres(value) for value in values)
+
+
+def _millimetres(value_m: float) -> str:
+    return f'{1000 * value_m:.{0 if value_m >= 0.01 else 2}f}'
 
 
 def _number(value: float | None, digits: int = 3) -> str:

@@ -41,6 +41,8 @@ class Line:
     ----------
     label : str
     x, y : sequence of float or None
+    colour : int
+        Which of the colours: the same thing has the same in every plot. The first is drawn bold.
     marked : int, optional
         Index of a point to stress.
     """
@@ -48,6 +50,7 @@ class Line:
     label: str
     x: Sequence[float | None]
     y: Sequence[float | None]
+    colour: int = 0
     marked: int | None = None
 
 
@@ -76,13 +79,13 @@ def line_plot(
     """
 
     def paint(axes: Any) -> None:
-        for index, line in enumerate(lines):
-            _draw_line(axes, line, COLOURS[index % len(COLOURS)], is_first=index == 0)
+        for line in lines:
+            _draw_line(axes, line)
         if x_names:
             axes.set_xticks(range(len(x_names)), x_names, rotation=35, ha='right')
         if y_limits:
             axes.set_ylim(*y_limits)
-        axes.legend(fontsize=8)
+        axes.figure.legend(loc='outside lower center', ncols=4, fontsize=8)
 
     return _draw(x_label, y_label, paint)
 
@@ -146,7 +149,8 @@ def bar_plot(names: Sequence[str], values: Sequence[float], x_label: str) -> byt
     return _draw(x_label, '', paint, height_inches=0.9 + 0.32 * len(names))
 
 
-def _draw_line(axes: Any, line: Line, colour: str, *, is_first: bool) -> None:
+def _draw_line(axes: Any, line: Line) -> None:
+    colour = COLOURS[line.colour % len(COLOURS)]
     known = [(x, y) for x, y in zip(line.x, line.y, strict=True) if None not in (x, y)]
     axes.plot(
         [x for x, _ in known],
@@ -155,7 +159,9 @@ def _draw_line(axes: Any, line: Line, colour: str, *, is_first: bool) -> None:
         label=line.label,
         marker='o',
         markersize=3,
-        linewidth=2 if is_first else 1.3,
+        linewidth=1.2 if line.colour else 2.2,
+        alpha=0.8 if line.colour else 1.0,
+        zorder=2 if line.colour else 3,
     )
     if line.marked is not None:
         x, y = line.x[line.marked], line.y[line.marked]
