@@ -278,7 +278,8 @@ def make_info(camera: StereoCamera, side: str, stamp: int, factory: MessageFacto
 
 
 def make_image(array: np.ndarray, stamp: int, factory: MessageFactory) -> Any:
-    return encode_image(array, 'mono8', make_header(stamp, FRAME, factory), factory)
+    encoding = 'bgr8' if array.ndim == 3 else 'mono16' if array.dtype == np.uint16 else 'mono8'
+    return encode_image(array, encoding, make_header(stamp, FRAME, factory), factory)
 
 
 def write_stereo_bag(path: Path, view: Any, stamps: Sequence[int]) -> None:

@@ -39,11 +39,11 @@ def test_overload_takes_the_newest_pair_counts_the_others_and_passes(tmp_path: P
 
 
 def test_five_large_pairs_a_second_arrive_all(tmp_path: Path) -> None:
-    frames = 40
+    frames = 25
     write_stereo_bag(tmp_path / 'bag', FULL, stamps_ns(frames, rate_hz=5))
 
     with live_graph(tmp_path) as graph:
-        figures = steady(graph, tmp_path / 'bag', frames, settled_after=20)
+        figures = steady(graph, tmp_path / 'bag', frames, settled_after=10)
 
     assert (figures.pairs, figures.lost) == (frames, 0)
     assert figures.detections + figures.dropped == frames
@@ -52,7 +52,7 @@ def test_five_large_pairs_a_second_arrive_all(tmp_path: Path) -> None:
 
 
 def test_memory_stays_after_the_first_fifty_pairs(tmp_path: Path) -> None:
-    frames = 200
+    frames = 120
     write_stereo_bag(tmp_path / 'bag', SMALL, stamps_ns(frames, rate_hz=20))
 
     with live_graph(tmp_path) as graph:

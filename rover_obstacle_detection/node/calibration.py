@@ -37,12 +37,6 @@ class LiveCalibration:
         with self._changed:
             return self._camera, self._problem
 
-    @property
-    def complete(self) -> bool:
-        """Whether both eyes have sent something, good or bad."""
-        with self._changed:
-            return None not in self._infos
-
     def wait_for_camera(self, timeout_s: float) -> StereoCamera | None:
         """Wait for the first calibration; an invalid one is not waited for."""
         with self._changed:

@@ -81,6 +81,7 @@ class StereoInputs:
         self._statistics = statistics
         self._on_pair = on_pair
         self._warn = warn
+        self._transport = ''
         self._images: list[Any] = []
         self._last_infos = [b'', b'']
         self._losses = (LossCounter(), LossCounter())
@@ -91,8 +92,7 @@ class StereoInputs:
                 f'{side}/camera_info',
                 partial(self._take_info, number),
                 qos_profile_sensor_data,
-                # At 10 Hz for two eyes, most of what the node costs at rest would be making
-                # Python objects of calibrations that are always the same.
+                # Nearly all are equal to the one before, and need not become Python objects.
                 raw=True,
                 event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
@@ -112,13 +112,15 @@ class StereoInputs:
 
     def configure(self, settings: Settings) -> None:
         """Take up other settings: pairing starts afresh."""
+        self._pairing = StereoPairing(settings.tolerance_ns, settings.queue_size)
+        if settings.image_transport == self._transport:
+            return
         self._transport = settings.image_transport
         left, right = _relative_topics(self._transport)
         self.topics = (
             self._node.resolve_topic_name(left),
             self._node.resolve_topic_name(right),
         )
-        self._pairing = StereoPairing(settings.tolerance_ns, settings.queue_size)
         if self._images:
             self.rest()
             self.listen()
@@ -161,14 +163,12 @@ class StereoInputs:
         info = deserialize_message(data, message_type(INFO_TYPE))
         if not self._calibration.take(side, info):
             return
-        camera, problem = self._calibration.state
+        camera, _ = self._calibration.state
         if camera is not None:
             self._node.get_logger().info(
                 f'camera: {camera.width} x {camera.height}, fx {camera.fx:.2f} px, '
                 f'baseline {camera.baseline_m * 1000:.1f} mm'
             )
-        elif self._calibration.complete:
-            self._warn(problem)
 
     def _take_image(self, side: int, message: Any, info: Mapping[str, Any]) -> None:
         arrival_s = time.monotonic()
