@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.simulation.description import DriveParameters
+from rover_obstacle_detection.simulation.frames import right_eye
 from rover_obstacle_detection.simulation.poses import CameraPose, drive, eye_pose, standing_pose
+from rover_obstacle_detection.simulation.presets import scene_of
 from rover_obstacle_detection.simulation.rigs import RIGS
 
 STUDY = RIGS['study']
@@ -82,3 +84,16 @@ def test_a_drive_goes_round_a_circle():
     np.testing.assert_allclose(np.linalg.norm(np.diff(places, axis=0), axis=1), 0.5)
     assert isinstance(poses[0], CameraPose)
     assert poses[1].heading_rad == pytest.approx(math.radians(10.0))
+
+
+def test_a_rectification_error_lifts_the_right_image():
+    scene = scene_of('x', 1, ['rectification_off'], 'study', {'sensor': {'roll_error_deg': 0.0}})
+    camera = scene.rig_used().camera()
+    pose = standing_pose(plane(), STUDY, 0.0, 0.0, 0.0)
+    moved, right = right_eye(scene, camera, pose)
+    point = pose.to_world(np.array([0.1, 0.2, 2.0]))
+    x, y, z = right.to_camera(point)
+    assert moved.fy * y / z + moved.cy == pytest.approx(camera.fy * 0.1 + camera.cy - 0.5)
+    assert moved.fx * x / z + moved.cx == pytest.approx(
+        camera.fx * 0.05 + camera.cx - camera.fx * 0.06 / 2
+    )

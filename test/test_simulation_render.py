@@ -1,0 +1,253 @@
+"""Rendering and its truth: skipped, with the command that installs it, without Mitsuba."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+from rover_obstacle_detection.errors import MissingExtraError
+from rover_obstacle_detection.simulation.cache import render_bag
+from rover_obstacle_detection.simulation.frames import SceneWorld, render, right_eye
+from rover_obstacle_detection.simulation.labels import DROP, NOT_COUNTED, ROCK, SLOPE, survey
+from rover_obstacle_detection.simulation.presets import scene_of
+from rover_obstacle_detection.simulation.renderer import load_mitsuba
+from rover_obstacle_detection.simulation.rocks import RockField
+
+
+@pytest.fixture(autouse=True, scope='module')
+def _mitsuba():
+    try:
+        load_mitsuba()
+    except MissingExtraError as error:
+        pytest.skip(str(error))
+
+
+class Look:
+    """A world seen once by both eyes, without sensor."""
+
+    def __init__(self, scene, rocks=None):
+        self.scene = scene
+        self.world = SceneWorld(scene)
+        if rocks is not None:
+            self.world.rocks = rocks
+        self.camera = self.world.camera
+        self.pose = self.world.poses[0]
+        mesh = self.world.rock_mesh(self.pose)
+        self.renderer = self.world.renderer(self.pose, mesh)
+        self.hits = self.renderer.cast(self.camera, self.pose)
+        self.disparity = self.camera.fx * self.camera.baseline_m / self.hits.depth_m
+        rows, columns = np.mgrid[: self.camera.height, : self.camera.width].astype(np.float32)
+        self.rows, self.right_columns = rows, (columns - self.disparity).astype(np.float32)
+
+    def grey(self, eye, samples):
+        camera, pose = self.camera, self.pose
+        if eye == 'right':
+            camera, pose = right_eye(self.scene, camera, pose)
+        return self.renderer.radiance(camera, pose, samples, 1 + (eye == 'right')).mean(2)
+
+    def carried(self):
+        """Where the right eye, looking at the carried pixels, sees them; and who is seen."""
+        camera, pose = right_eye(self.scene, self.camera, self.pose)
+        depth, _ = self.renderer.cast_at(camera, pose, self.right_columns, self.rows)
+        with np.errstate(invalid='ignore'):
+            error_px = np.abs(camera.fx * camera.baseline_m / depth - self.disparity)
+            # More than a pixel off, something nearer stands before it.
+            seen = (self.right_columns >= 0) & (error_px < 1)
+        return error_px, seen
+
+
+@pytest.fixture(scope='module')
+def nominal():
+    return Look(scene_of('nominal', 3, ['noon'], 'study', {'width': 320}))
+
+
+@pytest.fixture(scope='module')
+def crater():
+    scene = scene_of('crater', 5, ['crater'], 'study', {'width': 320, 'sensor': {'samples': 4}})
+    return next(render(scene))
+
+
+@pytest.mark.parametrize('rig', ['study', 'hazcam'])
+def test_left_pixels_carried_by_true_depth_meet_their_own_surface(rig, nominal):
+    look = nominal if rig == 'study' else Look(scene_of('x', 4, ['noon'], rig, {'width': 256}))
+    error_px, seen = look.carried()
+    assert seen.sum() > 0.85 * np.isfinite(look.hits.depth_m).sum()
+    assert error_px[seen].mean() < 0.01
+    assert np.percentile(error_px[seen], 99) < 0.01
+
+
+def test_the_images_agree_with_the_true_depth(nominal):
+    left, right = nominal.grey('left', 25), nominal.grey('right', 25)
+    error_px, seen = nominal.carried()
+    ground = seen & (error_px < 0.05) & (nominal.hits.instances == 0)
+    ground = cv2.erode(ground.astype(np.uint8), np.ones((9, 9))) > 0
+    first = cv2.GaussianBlur(left, (0, 0), 1)
+    second = cv2.remap(
+        cv2.GaussianBlur(right, (0, 0), 1), nominal.right_columns, nominal.rows, cv2.INTER_CUBIC
+    )
+    slope_y, slope_x = np.gradient((first + second) / 2)
+    design = np.column_stack([slope_x[ground], slope_y[ground]])
+    shift_px, *_ = np.linalg.lstsq(design, (first - second)[ground], rcond=None)
+    assert ground.sum() > 30_000
+    assert np.corrcoef(first[ground], second[ground])[0, 1] > 0.99
+    assert np.abs(shift_px).max() < 0.02
+
+
+def test_plain_stereo_is_within_a_pixel_on_sunlit_ground(nominal):
+    frame = next(render(nominal.scene))
+    left, right = (cv2.cvtColor(eye, cv2.COLOR_RGB2GRAY) for eye in (frame.left, frame.right))
+    matcher = cv2.StereoSGBM_create(
+        numDisparities=32,
+        blockSize=5,
+        P1=300,
+        P2=1200,
+        uniquenessRatio=8,
+        speckleWindowSize=50,
+        speckleRange=2,
+        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    )
+    disparity = matcher.compute(left, right) / 16.0
+    _, seen = nominal.carried()
+    ground = seen & (nominal.hits.instances == 0)
+    sunlit = ground & (left > 0.6 * np.median(left[ground]))
+    matched = sunlit & (disparity > 0)
+    error_px = np.abs(disparity - nominal.disparity)[matched]
+    # The matcher has nothing to say in the leftmost columns.
+    assert matched[:, 32:].sum() > 0.97 * sunlit[:, 32:].sum()
+    assert (error_px < 1).mean() > 0.99
+    assert np.median(error_px) < 0.25
+
+
+def survey_of(frame, cell_m=0.02):
+    """Ground, its slope and drop, from depth, instances and pose of a frame alone."""
+    x_over_z, y_over_z = frame.camera.rays()
+    z = frame.depth_m
+    points = frame.pose.to_world(np.stack([x_over_z * z, y_over_z * z, z], 2))
+    low = points.reshape(-1, 3).min(0)
+    column, row = (
+        np.rint((points[..., axis] - low[axis]) / cell_m).astype(int) for axis in (0, 1)
+    )
+    ground = frame.instances == 0
+    shape = (row.max() + 1, column.max() + 1)
+    count, total = np.zeros(shape), np.zeros(shape)
+    np.add.at(count, (row[ground], column[ground]), 1)
+    np.add.at(total, (row[ground], column[ground]), points[ground][:, 2])
+    height = np.full(shape, np.nan)
+    height[count > 0] = total[count > 0] / count[count > 0]
+    for sigma in (1, 2, 4, 8, 16, 32):
+        weight = cv2.GaussianBlur(np.isfinite(height) * 1.0, (0, 0), sigma)
+        mean = cv2.GaussianBlur(np.nan_to_num(height), (0, 0), sigma) / np.maximum(weight, 1e-9)
+        holes = np.isnan(height) & (weight > 1e-3)
+        height[holes] = mean[holes]
+    height = np.where(np.isnan(height), np.nanmean(height), height).astype(np.float32)
+    surveyed = survey(height, 0.0, 0.0, cell_m)
+    at = (row, column)
+    return (
+        surveyed.slope_deg[at],
+        surveyed.drop_m[at],
+        points[..., 2] - surveyed.height_m[at],
+    )
+
+
+def overlap(first, second):
+    return (first & second).sum() / (first | second).sum()
+
+
+def test_labels_follow_from_depth_and_instances(crater):
+    slope_deg, drop_m, above_m = survey_of(crater)
+    ground = crater.instances == 0
+    steep = ground & (slope_deg > 20)
+    low = ground & ~steep & (drop_m > 0.10)
+    assert overlap(steep, ground & (crater.labels == SLOPE)) > 0.9
+    assert overlap(low, ground & (crater.labels == DROP)) > 0.85
+    assert (crater.labels == SLOPE).sum() > 5000
+    assert (crater.labels == DROP).sum() > 1000
+    judged = 0
+    height, width = crater.labels.shape
+    for number in np.unique(crater.instances)[1:]:
+        pixels = crater.instances == number
+        rows, columns = np.nonzero(pixels)
+        inside = rows.min() > 0 and columns.min() > 0
+        inside &= rows.max() < height - 1 and columns.max() < width - 1
+        if pixels.sum() < 60 or not inside:
+            continue
+        judged += 1
+        top_m = above_m[pixels].max()
+        # The far side of a rock hides the ground that its height counts from.
+        if (crater.labels[pixels] == ROCK).all():
+            assert top_m > 0.10
+        else:
+            assert top_m < 0.14
+    assert judged > 8
+
+
+def test_rocks_have_one_label_each(crater):
+    for number in np.unique(crater.instances)[1:]:
+        values = set(np.unique(crater.labels[crater.instances == number]))
+        assert values in ({ROCK}, {NOT_COUNTED}) or not values & {ROCK, NOT_COUNTED}
+
+
+def test_sky_has_no_surface_and_is_not_counted():
+    scene = scene_of('x', 6, ['moon'], 'hazcam', {'width': 160, 'sensor': {'samples': 4}})
+    frame = next(render(scene))
+    sky = np.isnan(frame.depth_m)
+    assert 0.05 < sky.mean() < 0.5
+    assert sky[:8].mean() > 0.8
+    assert (frame.labels[sky] == NOT_COUNTED).all()
+    assert (frame.instances[sky] == 0).all()
+    assert frame.left[sky].mean() < 0.2 * frame.left[~sky].mean()
+
+
+def test_shadows_fall_away_from_the_sun():
+    # The sun stands on the left: the shadow lies to the right of the rock.
+    scene = scene_of(
+        'x',
+        1,
+        [],
+        'study',
+        {
+            'width': 160,
+            'terrain': {'relief_m': 0, 'roughness_m': 0, 'clods_m': 0},
+            'soil': {'world': 'moon'},
+            'light': {'sun_elevation_deg': 30, 'sun_azimuth_deg': 90},
+        },
+    )
+    one = RockField(np.array([1.0]), np.zeros(1), np.array([0.3]), np.array([7]))
+    look = Look(scene, one)
+    light = look.grey('left', 4)
+    rows, columns = np.nonzero(look.hits.instances == 1)
+    row = round(rows.mean())
+    left, right = columns[rows == row].min(), columns[rows == row].max()
+    shadow, sunlit = light[row, right + 2 : right + 5], light[row, left - 4 : left - 1]
+    assert shadow.mean() < 0.1 * sunlit.mean()
+
+
+def messages(path):
+    with AnyReader([path]) as reader:
+        return [(each.topic, time_ns, bytes(data)) for each, time_ns, data in reader.messages()]
+
+
+def test_the_same_seed_gives_the_same_bag_and_a_drive_sees_the_same_rocks(tmp_path):
+    def bag(name, seed):
+        parameters = {
+            'width': 96,
+            'sensor': {'samples': 4},
+            'drive': {'frames': 2, 'step_m': 0.1, 'turn_deg': 3.0},
+        }
+        path = tmp_path / name / 'scene'
+        render_bag(scene_of('scene', seed, ['dunes'], 'vga', parameters), path)
+        return messages(path)
+
+    first, again, other = bag('a', 1), bag('b', 1), bag('c', 2)
+    assert first == again
+    assert [each[:2] for each in other] == [each[:2] for each in first]
+    pictures = [
+        {data for topic, _, data in each if topic == '/stereo/left/image_rect'}
+        for each in (first, other)
+    ]
+    assert len(pictures[0]) == 2
+    assert not pictures[0] & pictures[1]
+    seen = [set(np.frombuffer(data, np.uint16)) for topic, _, data in first if 'inst' in topic]
+    assert len(seen[0] & seen[1]) > 0.5 * len(seen[0])
