@@ -81,6 +81,38 @@ def add_calibration_arguments(
         )
 
 
+def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
+    """Add what chooses the images and the calibration of a recording."""
+    for side in ('left', 'right'):
+        group.add_argument(
+            f'--{side}-topic',
+            metavar='TOPIC',
+            help=f'{side} image topic (default: found by its name)',
+        )
+    add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
+    group.add_argument(
+        '--every', metavar='N', type=positive_int, default=1, help='take every N-th pair only'
+    )
+
+
+def calibration_files(arguments: argparse.Namespace) -> tuple[Path, Path] | None:
+    """Return both calibration files, or None where none is given.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If one is given without the other.
+    """
+    left, right = arguments.left_info, arguments.right_info
+    if left and right:
+        return left, right
+    if left or right:
+        given, missing = ('left', 'right') if left else ('right', 'left')
+        msg = f'--{given}-info is given without --{missing}-info: expected both or none'
+        raise argparse.ArgumentTypeError(msg)
+    return None
+
+
 def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the group of options that make the detector's configuration."""
     group = parser.add_argument_group('detector')

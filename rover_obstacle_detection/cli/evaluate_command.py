@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rover_obstacle_detection.cli.arguments import (
-    add_calibration_arguments,
     add_parameter_arguments,
+    add_recording_arguments,
+    calibration_files,
     detector_config,
     positive_int,
 )
@@ -72,20 +73,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('input')
-    for side in ('left', 'right'):
-        group.add_argument(
-            f'--{side}-topic',
-            metavar='TOPIC',
-            help=f'{side} image topic (default: found by its name)',
-        )
+    add_recording_arguments(group)
     group.add_argument(
         '--labels-topic',
         metavar='TOPIC',
         help='instances and depth are looked for beside it (default: the one called truth/labels)',
-    )
-    add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
-    group.add_argument(
-        '--every', metavar='N', type=positive_int, default=1, help='take every N-th pair only'
     )
     group.add_argument(
         '--condition',
@@ -193,16 +185,11 @@ def _methods(asked: Sequence[str], config: DetectorConfig) -> Sequence[str]:
 def _bag_options(arguments: argparse.Namespace) -> BagOptions:
     from rover_obstacle_detection.evaluate import BagOptions
 
-    calibration = (arguments.left_info, arguments.right_info)
-    if any(calibration) and not all(calibration):
-        given, missing = ('left', 'right') if arguments.left_info else ('right', 'left')
-        msg = f'--{given}-info is given without --{missing}-info: expected both or none'
-        raise argparse.ArgumentTypeError(msg)
     return BagOptions(
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         labels_topic=arguments.labels_topic,
-        calibration=calibration if all(calibration) else None,
+        calibration=calibration_files(arguments),
         every=arguments.every,
         conditions=arguments.conditions,
     )

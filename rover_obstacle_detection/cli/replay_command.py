@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rover_obstacle_detection.cli.arguments import (
-    add_calibration_arguments,
     add_detector_arguments,
+    add_recording_arguments,
+    calibration_files,
     detector_config,
     positive_int,
     positive_seconds,
@@ -81,13 +82,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('input')
-    for side in ('left', 'right'):
-        group.add_argument(
-            f'--{side}-topic',
-            metavar='TOPIC',
-            help=f'{side} image topic (default: found by its name)',
-        )
-    add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
+    add_recording_arguments(group)
     group.add_argument(
         '--approximate-sync',
         metavar='SECONDS',
@@ -99,9 +94,6 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         '--duration', metavar='SECONDS', type=positive_seconds, help='stop after this much'
-    )
-    group.add_argument(
-        '--every', metavar='N', type=positive_int, default=1, help='take every N-th pair only'
     )
     group.add_argument(
         '--salvage',
@@ -146,18 +138,13 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
     from rover_obstacle_detection.offline.replay import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
-    calibration = (arguments.left_info, arguments.right_info)
-    if any(calibration) and not all(calibration):
-        given, missing = ('left', 'right') if arguments.left_info else ('right', 'left')
-        msg = f'--{given}-info is given without --{missing}-info: expected both or none'
-        raise argparse.ArgumentTypeError(msg)
     tolerance_s = arguments.approximate_sync
     return ReplayOptions(
         config=detector_config(arguments),
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
-        calibration=calibration if all(calibration) else None,
+        calibration=calibration_files(arguments),
         tolerance_ns=None if tolerance_s is None else round(1e9 * tolerance_s),
         start_s=arguments.start,
         duration_s=arguments.duration,
