@@ -22,7 +22,12 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
-        (f'share/{package_name}/config', glob('config/*')),
+        (
+            f'share/{package_name}/config',
+            [*glob('config/*'), f'{package_name}/node/fastdds_profile.xml'],
+        ),
+        # With plain pip the scripts land in bin/, where `ros2 run` does not look.
+        (f'lib/{package_name}', ['resource/obstacle_detector']),
     ],
     python_requires='>=3.10',
     install_requires=[

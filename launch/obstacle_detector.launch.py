@@ -1,0 +1,121 @@
+"""The node, and on request a recorded bag to feed it and RViz to look at it.
+
+ros2 launch rover_obstacle_detection obstacle_detector.launch.py namespace:=stereo
+ros2 launch rover_obstacle_detection obstacle_detector.launch.py bag:=traverse.mcap rviz:=true
+"""
+
+import os
+import sys
+
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    LogInfo,
+    OpaqueFunction,
+    SetEnvironmentVariable,
+)
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+from rover_obstacle_detection.node.transport import PROFILE_VARIABLES, use_large_message_profile
+
+PACKAGE = 'rover_obstacle_detection'
+TOPICS = {
+    'left_image': 'left/image_rect',
+    'right_image': 'right/image_rect',
+    'left_info': 'left/camera_info',
+    'right_info': 'right/camera_info',
+}
+
+
+def generate_launch_description():
+    """Declare the arguments and what is started."""
+    config = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config'])
+    use_sim_time = LaunchConfiguration('use_sim_time')
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'namespace', default_value='stereo', description='Namespace of node and topics.'
+            ),
+            DeclareLaunchArgument(
+                'params_file',
+                default_value=PathJoinSubstitution([config, 'obstacle_detector.yaml']),
+                description='ROS parameter file of the node.',
+            ),
+            *(
+                DeclareLaunchArgument(
+                    argument, default_value=topic, description=f'Topic in place of {topic}.'
+                )
+                for argument, topic in TOPICS.items()
+            ),
+            DeclareLaunchArgument(
+                'use_sim_time', default_value='false', description='Follow /clock.'
+            ),
+            DeclareLaunchArgument(
+                'profile',
+                default_value='',
+                description='Fast DDS profile; the shipped one for large messages if empty, '
+                'unless your environment names one.',
+            ),
+            DeclareLaunchArgument('bag', default_value='', description='Recorded bag to play.'),
+            DeclareLaunchArgument('rate', default_value='1.0', description='Rate to play it at.'),
+            DeclareLaunchArgument('rviz', default_value='false', description='Start RViz.'),
+            OpaqueFunction(function=_set_profile),
+            Node(
+                package=PACKAGE,
+                executable='obstacle_detector',
+                namespace=LaunchConfiguration('namespace'),
+                parameters=[
+                    LaunchConfiguration('params_file'),
+                    {'use_sim_time': ParameterValue(use_sim_time, value_type=bool)},
+                ],
+                remappings=[
+                    (topic, LaunchConfiguration(argument)) for argument, topic in TOPICS.items()
+                ],
+                output='screen',
+            ),
+            OpaqueFunction(function=_play),
+            Node(
+                package='rviz2',
+                executable='rviz2',
+                arguments=['-d', PathJoinSubstitution([config, 'obstacle_detector.rviz'])],
+                parameters=[{'use_sim_time': ParameterValue(use_sim_time, value_type=bool)}],
+                condition=IfCondition(LaunchConfiguration('rviz')),
+            ),
+        ]
+    )
+
+
+def _set_profile(context):
+    """Give every process of this launch the same transport."""
+    own = LaunchConfiguration('profile').perform(context)
+    environment = dict(os.environ)
+    if own:
+        environment.update(dict.fromkeys(PROFILE_VARIABLES, own))
+        warning = None
+    else:
+        warning = use_large_message_profile(environment)
+    actions = [
+        SetEnvironmentVariable(name, environment[name])
+        for name in PROFILE_VARIABLES
+        if environment.get(name) != os.environ.get(name)
+    ]
+    if warning is not None:
+        actions.append(LogInfo(msg=warning))
+    return actions
+
+
+def _play(context):
+    """Play the bag, if one is given; with /clock where the node follows it."""
+    bag = LaunchConfiguration('bag').perform(context)
+    if not bag:
+        return []
+    command = [sys.executable, '-m', PACKAGE, 'play', bag]
+    command += ['--rate', LaunchConfiguration('rate').perform(context)]
+    if LaunchConfiguration('use_sim_time').perform(context).lower() in ('true', '1'):
+        command.append('--clock')
+    return [ExecuteProcess(cmd=command, output='screen')]

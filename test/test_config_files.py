@@ -1,0 +1,210 @@
+"""The shipped configuration and launch files agree with the software."""
+
+from __future__ import annotations
+
+import json
+import os
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.messages.outputs import OUTPUTS
+from rover_obstacle_detection.node.settings import (
+    NODE_PARAMETERS,
+    READ_ONLY,
+    Settings,
+    all_parameters,
+)
+from rover_obstacle_detection.node.transport import PROFILE, PROFILE_VARIABLES
+from rover_obstacle_detection.parameter_file import NODE_PARAMETER_NAMES, load_config
+
+ROOT = Path(__file__).parent.parent
+CONFIG = ROOT / 'config'
+OUTPUT_TOPICS = {f'/stereo/{name}' for name in OUTPUTS}
+
+
+def read_yaml(path: Path) -> Any:
+    return YAML(typ='safe').load(path.read_text())
+
+
+def test_parameter_file_has_every_parameter_with_its_default() -> None:
+    values = read_yaml(CONFIG / 'obstacle_detector.yaml')['/**']['ros__parameters']
+
+    assert values == {each.name: each.default for each in all_parameters()}
+    for parameter in all_parameters():
+        assert type(values[parameter.name]) is type(parameter.default)
+
+
+def test_parameter_file_is_up_to_date() -> None:
+    script = runpy.run_path(str(ROOT / 'scripts' / 'make_parameter_file.py'))
+
+    assert (CONFIG / 'obstacle_detector.yaml').read_text() == script['parameter_file']()
+
+
+def test_parameter_file_is_the_default_for_node_and_replay_alike() -> None:
+    values = read_yaml(CONFIG / 'obstacle_detector.yaml')['/**']['ros__parameters']
+
+    assert Settings.from_values(values).config == DetectorConfig()
+    assert load_config(CONFIG / 'obstacle_detector.yaml') == DetectorConfig()
+
+
+def test_replay_knows_the_parameters_of_the_node_only() -> None:
+    assert {each.name for each in NODE_PARAMETERS} <= NODE_PARAMETER_NAMES
+    assert {each.name for each in NODE_PARAMETERS} >= READ_ONLY
+
+
+def test_costmap_avoids_the_traps() -> None:
+    content = read_yaml(CONFIG / 'nav2_costmap.yaml')
+    layer = content['local_costmap']['local_costmap']['ros__parameters']['obstacle_layer']
+    sources = {name: layer[name] for name in layer['observation_sources'].split()}
+    marking = [each for each in sources.values() if each['marking']]
+    clearing = [each for each in sources.values() if each['clearing']]
+
+    assert [each['topic'] for each in marking] == ['/stereo/obstacle_points']
+    assert [each['topic'] for each in clearing] == ['/stereo/ground_points']
+    for limits in (layer, *sources.values()):
+        assert limits['min_obstacle_height'] < -100 < 100 < limits['max_obstacle_height']
+    for source in sources.values():
+        assert source['data_type'] == 'PointCloud2'
+        assert source['sensor_frame'] == ''
+    assert marking[0]['obstacle_max_range'] <= DetectorConfig().max_range
+    assert clearing[0]['raytrace_max_range'] > marking[0]['obstacle_max_range']
+    assert clearing[0]['raytrace_min_range'] > 0
+
+
+def test_rviz_shows_image_mask_overlay_clouds_and_markers() -> None:
+    displays = read_yaml(CONFIG / 'obstacle_detector.rviz')['Visualization Manager']['Displays']
+    topics = {each['Topic']['Value']: each['Topic'] for each in displays if 'Topic' in each}
+
+    assert set(topics) == {
+        '/stereo/left/image_rect',
+        '/stereo/obstacle_mask',
+        '/stereo/detection_image',
+        '/stereo/obstacle_points',
+        '/stereo/ground_points',
+        '/stereo/obstacle_markers',
+    }
+    assert set(topics) - {'/stereo/left/image_rect'} <= OUTPUT_TOPICS
+    # A camera driver may be best effort, and then a reliable display shows nothing.
+    assert topics['/stereo/left/image_rect']['Reliability Policy'] == 'Best Effort'
+
+
+def test_foxglove_shows_image_mask_overlay_clouds_and_markers() -> None:
+    layout = json.loads((CONFIG / 'obstacle_detector.foxglove.json').read_text())
+    panels = layout['configById']
+    images = {
+        panel['imageMode']['imageTopic'] for panel in panels.values() if 'imageMode' in panel
+    }
+    scene = set(panels['3D!scene']['topics'])
+
+    assert images == {
+        '/stereo/left/image_rect',
+        '/stereo/obstacle_mask',
+        '/stereo/detection_image',
+    }
+    assert scene == {
+        '/stereo/obstacle_points',
+        '/stereo/ground_points',
+        '/stereo/obstacle_markers',
+    }
+    assert (images | scene) - {'/stereo/left/image_rect'} <= OUTPUT_TOPICS
+    assert set(_leaves(layout['layout'])) == set(panels)
+
+
+def _leaves(tree: Any) -> list[str]:
+    return [tree] if isinstance(tree, str) else _leaves(tree['first']) + _leaves(tree['second'])
+
+
+class Recorded(SimpleNamespace):
+    """Stands for whatever a launch file makes: keeps the arguments it was made with."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(args=args, **kwargs)
+
+    def perform(self, context: dict[str, str]) -> str:
+        return context[self.args[0]]
+
+
+LAUNCH_MODULES = {
+    'launch': ['LaunchDescription'],
+    'launch.actions': [
+        'DeclareLaunchArgument',
+        'ExecuteProcess',
+        'LogInfo',
+        'OpaqueFunction',
+        'SetEnvironmentVariable',
+    ],
+    'launch.conditions': ['IfCondition'],
+    'launch.substitutions': ['LaunchConfiguration', 'PathJoinSubstitution'],
+    'launch_ros': [],
+    'launch_ros.actions': ['Node'],
+    'launch_ros.parameter_descriptions': ['ParameterValue'],
+    'launch_ros.substitutions': ['FindPackageShare'],
+}
+
+
+@pytest.fixture
+def launched(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
+    """Entities of the launch file by their kind; launch itself is not on PyPI."""
+    for module_name, names in LAUNCH_MODULES.items():
+        module = ModuleType(module_name)
+        for name in names:
+            setattr(module, name, type(name, (Recorded,), {}))
+        monkeypatch.setitem(sys.modules, module_name, module)
+    script = runpy.run_path(str(ROOT / 'launch' / 'obstacle_detector.launch.py'))
+    (entities,) = script['generate_launch_description']().args
+    by_kind: dict[str, list[Any]] = {}
+    for entity in entities:
+        by_kind.setdefault(type(entity).__name__, []).append(entity)
+    return by_kind
+
+
+def test_launch_file_starts_the_node_with_remaps_and_parameters(
+    launched: dict[str, list[Any]],
+) -> None:
+    node = launched['Node'][0]
+    assert (node.package, node.executable) == ('rover_obstacle_detection', 'obstacle_detector')
+    declared = {each.args[0] for each in launched['DeclareLaunchArgument']}
+    used = {node.namespace.args[0], node.parameters[0].args[0]}
+    used |= {configuration.args[0] for _, configuration in node.remappings}
+    assert used <= declared
+    assert [topic for topic, _ in node.remappings] == [
+        'left/image_rect',
+        'right/image_rect',
+        'left/camera_info',
+        'right/camera_info',
+    ]
+
+
+def test_launch_file_sets_the_profile_unless_the_user_has_one(
+    launched: dict[str, list[Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_profile = launched['OpaqueFunction'][0].function
+    for name in PROFILE_VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+
+    shipped = {each.args for each in set_profile({'profile': ''}) if len(each.args) == 2}
+    own = {each.args for each in set_profile({'profile': 'own.xml'})}
+    monkeypatch.setitem(os.environ, PROFILE_VARIABLES[0], 'mine.xml')
+    users = set_profile({'profile': ''})
+
+    assert shipped in ({(name, str(PROFILE)) for name in PROFILE_VARIABLES}, set())
+    assert own == {(name, 'own.xml') for name in PROFILE_VARIABLES}
+    assert users == []
+
+
+def test_launch_file_plays_a_bag_on_request(launched: dict[str, list[Any]]) -> None:
+    play = launched['OpaqueFunction'][1].function
+    arguments = {'bag': '', 'rate': '0.5', 'use_sim_time': 'false'}
+
+    assert play(arguments) == []
+    (process,) = play(arguments | {'bag': 'traverse.mcap', 'use_sim_time': 'true'})
+    assert process.cmd[2:] == [
+        'rover_obstacle_detection', 'play', 'traverse.mcap', '--rate', '0.5', '--clock',
+    ]  # fmt: skip
