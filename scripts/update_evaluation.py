@@ -17,7 +17,6 @@ from pathlib import Path
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.errors import MissingExtraError
-from rover_obstacle_detection.evaluate import BagOptions, evaluate_bags
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 from rover_obstacle_detection.evaluation.methods.registry import make_method
 from rover_obstacle_detection.evaluation.results import Evaluation, mean_iou
@@ -32,7 +31,8 @@ from rover_obstacle_detection.evaluation.tables import (
     range_table,
     scene_table,
 )
-from rover_obstacle_detection.evaluation_report import summary_of
+from rover_obstacle_detection.offline.evaluate import BagOptions, evaluate_bags
+from rover_obstacle_detection.offline.evaluation_report import summary_of
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / 'docs' / 'evaluation.md'

@@ -13,18 +13,18 @@ from recordings import START_NS, image, stereo_messages, write_ros2
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.errors import BagError
-from rover_obstacle_detection.evaluate import (
+from rover_obstacle_detection.evaluation.figures import Figures
+from rover_obstacle_detection.evaluation.methods import registry
+from rover_obstacle_detection.evaluation.results import Evaluation
+from rover_obstacle_detection.evaluation.runner import CURVE_FACTORS, RunOptions
+from rover_obstacle_detection.offline.evaluate import (
     BagOptions,
     condition_in,
     evaluate_bag,
     evaluate_bags,
     scene_names,
 )
-from rover_obstacle_detection.evaluation.figures import Figures
-from rover_obstacle_detection.evaluation.methods import registry
-from rover_obstacle_detection.evaluation.results import Evaluation
-from rover_obstacle_detection.evaluation.runner import CURVE_FACTORS, RunOptions
-from rover_obstacle_detection.labelled_bag import find_truth_topics
+from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
 
 OPTIONS = RunOptions(['hybrid'], DetectorConfig())
 

@@ -19,8 +19,8 @@ from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTION
 
 if TYPE_CHECKING:
     from rover_obstacle_detection.detection.config import DetectorConfig
-    from rover_obstacle_detection.evaluate import BagOptions
     from rover_obstacle_detection.evaluation.results import Evaluation
+    from rover_obstacle_detection.offline.evaluate import BagOptions
 
 DESCRIPTION = """\
 Compare detectors with the labels of labelled bags: pixels, obstacles found, false alarms, time.
@@ -113,8 +113,8 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate the bags, and print the tables."""
-    from rover_obstacle_detection.evaluate import evaluate_bags
     from rover_obstacle_detection.evaluation.runner import RunOptions
+    from rover_obstacle_detection.offline.evaluate import evaluate_bags
     from rover_obstacle_detection.offline.summary import write_json
 
     config = detector_config(argparse.Namespace(**{**vars(arguments), 'method': None}))
@@ -135,12 +135,12 @@ def run(arguments: argparse.Namespace) -> int:
     if evaluation.scenes:
         _print_tables(evaluation)
     if evaluation.scenes and arguments.json:
-        from rover_obstacle_detection.evaluation_json import evaluation_json
+        from rover_obstacle_detection.offline.evaluation_json import evaluation_json
 
         write_json(arguments.json, evaluation_json(evaluation, config))
         print(f'figures: {arguments.json}')
     if evaluation.scenes and arguments.report:
-        from rover_obstacle_detection.evaluation_report import evaluation_html
+        from rover_obstacle_detection.offline.evaluation_report import evaluation_html
 
         arguments.report.write_text(evaluation_html(evaluation, config), encoding='utf-8')
         print(f'report: {arguments.report}')
@@ -183,7 +183,7 @@ def _methods(asked: Sequence[str], config: DetectorConfig) -> Sequence[str]:
 
 
 def _bag_options(arguments: argparse.Namespace) -> BagOptions:
-    from rover_obstacle_detection.evaluate import BagOptions
+    from rover_obstacle_detection.offline.evaluate import BagOptions
 
     return BagOptions(
         left_topic=arguments.left_topic,

@@ -1,1 +1,1 @@
-"""The detector over recordings and image files: the work behind ``replay`` and ``detect``."""
+"""The work over recordings and image files behind ``replay``, ``detect`` and ``evaluate``."""

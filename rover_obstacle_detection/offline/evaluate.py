@@ -14,12 +14,12 @@ from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.errors import BagError, CameraError, ImageError
 from rover_obstacle_detection.evaluation.results import Evaluation, merged
 from rover_obstacle_detection.evaluation.runner import RunOptions, SceneRun
-from rover_obstacle_detection.labelled_bag import (
+from rover_obstacle_detection.messages.calibration import load_stereo_calibration
+from rover_obstacle_detection.offline.labelled_bag import (
     find_truth_topics,
     read_labelled,
     recorded_conditions,
 )
-from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 
 OnProgress = Callable[[int, int], None]
 """Called with the frames done and the frames expected."""
