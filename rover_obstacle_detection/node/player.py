@@ -70,10 +70,10 @@ def play(
     MissingExtraError
         If rclpy is not installed.
     """
-    stop = StopSignals()
-    try:
-        with open_bag(path) as bag:
-            topics = _chosen_topics(bag, options)
+    with open_bag(path) as bag:
+        topics = _chosen_topics(bag, options)
+        stop = StopSignals()
+        try:
             with ros(ros_arguments) as warning:
                 if warning is not None:
                     say(warning)
@@ -83,8 +83,8 @@ def play(
                 finally:
                     player.close()
                 return player.published
-    finally:
-        stop.ignore()
+        finally:
+            stop.ignore()
 
 
 class Player:

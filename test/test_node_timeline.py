@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rover_obstacle_detection.node.timeline import Timeline
+
+START_NS = 1_700_000_000_000_000_000
+
+
+@pytest.mark.parametrize(('rate', 'due_s'), [(1.0, 1.5), (2.0, 0.75), (0.5, 3.0)])
+def test_message_is_due_by_the_rate(rate: float, due_s: float) -> None:
+    assert Timeline(START_NS, rate).due_s(START_NS + 1_500_000_000) == pytest.approx(due_s)
+
+
+def test_clock_ticks_evenly_and_tells_recorded_time() -> None:
+    timeline = Timeline(START_NS, rate=2.0, clock_hz=10.0)
+
+    ticks_s = [timeline.tick_s(number) for number in range(3)]
+
+    assert ticks_s == pytest.approx([0.0, 0.1, 0.2])
+    assert [timeline.recorded_ns(tick_s) - START_NS for tick_s in ticks_s] == [
+        0,
+        200_000_000,
+        400_000_000,
+    ]
+
+
+def test_no_clock_never_ticks() -> None:
+    assert Timeline(START_NS).tick_s(0) == math.inf
+
+
+@given(rate=st.floats(0.01, 100.0), offset_ns=st.integers(0, 3_600_000_000_000))
+def test_recorded_time_when_a_message_is_due_is_its_own(rate: float, offset_ns: int) -> None:
+    timeline = Timeline(START_NS, rate)
+
+    recorded_ns = timeline.recorded_ns(timeline.due_s(START_NS + offset_ns))
+
+    assert abs(recorded_ns - START_NS - offset_ns) <= 1000
