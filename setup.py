@@ -49,7 +49,6 @@ setup(
         'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],
         'test': [
             'hypothesis>=6',
-            'mcap-ros2-support>=0.5',
             'mcap-ros2-support>=0.5.3',
             # These find something new to say with every minor release.
             'mypy==2.4.*',
