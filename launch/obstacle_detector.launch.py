@@ -7,6 +7,7 @@ ros2 launch rover_obstacle_detection obstacle_detector.launch.py bag:=traverse.m
 import os
 import sys
 
+from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     ExecuteProcess,
@@ -20,7 +21,6 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from launch import LaunchDescription
 from rover_obstacle_detection.node.transport import PROFILE_VARIABLES, use_large_message_profile
 
 PACKAGE = 'rover_obstacle_detection'
