@@ -52,6 +52,10 @@ def test_later_conditions_and_parameters_win():
             r'unknown scene parameter terrain.craters\[0\].depth; did you mean',
         ),
         (
+            lambda: scene_of('x', 1, [], 'study', {'drive': {'frames': 101, 'step_m': 2}}),
+            'the drive is 200 m long: expected at most 100 m',
+        ),
+        (
             lambda: scene_of('x', 1, [], 'study', {'terrain': 3}),
             'terrain. is 3: expected named parameters',
         ),
@@ -118,7 +122,7 @@ def test_a_suite_that_is_not_understood_is_refused(tmp_path, text, message):
 
 
 def test_a_suite_that_is_not_there_is_named():
-    with pytest.raises(ConfigurationError, match="no suite 'standart': expected one of standard"):
+    with pytest.raises(ConfigurationError, match="no suite 'standart': expected one of samples, standard"):
         load_suite('standart')
 
 

@@ -13,6 +13,8 @@ from rover_obstacle_detection.detection.config import ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.simulation.rigs import RIGS, Rig
 
+LONGEST_DRIVE_M = 100.0
+
 
 def _parameter(
     default: Any,
@@ -93,9 +95,12 @@ class RockParameters(_Checked):
     )
     smallest_m: float = _parameter(0.012, 'Smallest diameter drawn (m).', 0.004, 1.0)
     largest_m: float = _parameter(0.7, 'Largest diameter drawn (m).', 0.01, 5.0)
+    pebble_cover: float = _parameter(
+        0.0, 'Fraction of the ground covered by further pebbles of 1 to 5 cm.', 0.0, 0.6
+    )
     placed: int = _parameter(7, 'Further rocks spread over the first view.', 0, 200)
-    placed_smallest_m: float = _parameter(0.2, 'Smallest diameter of those (m).', 0.02, 5.0)
-    placed_largest_m: float = _parameter(0.45, 'Largest diameter of those (m).', 0.02, 5.0)
+    placed_smallest_m: float = _parameter(0.24, 'Smallest diameter of those (m).', 0.02, 5.0)
+    placed_largest_m: float = _parameter(0.5, 'Largest diameter of those (m).', 0.02, 5.0)
 
 
 @dataclass(frozen=True)
@@ -214,6 +219,13 @@ class Scene(_Checked):
     sensor: SensorParameters = SensorParameters()
     drive: DriveParameters = DriveParameters()
     truth: TruthParameters = TruthParameters()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        length_m = (self.drive.frames - 1) * self.drive.step_m
+        if length_m > LONGEST_DRIVE_M:
+            msg = f'the drive is {length_m:g} m long: expected at most {LONGEST_DRIVE_M:g} m'
+            raise ConfigurationError(msg)
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any]) -> Scene:

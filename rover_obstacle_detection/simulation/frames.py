@@ -67,7 +67,7 @@ class SceneWorld:
         self.terrain = Terrain(scene.terrain, scene.seed)
         self.poses = drive(self.terrain.height, self.rig, scene.drive)
         self.rocks = scatter(scene.rocks, self.rig, self.camera, self.poses, scene.seed)
-        self.terrain.heap(self.rocks.aprons())
+        self.terrain.heap(self.rocks.aprons(self.poses))
         self.soil = Soil(scene.soil, scene.seed)
         self.palette = PALETTES[scene.soil.world]
         self.rock_maker = RockMaker(scene.seed, self.palette.rocks)

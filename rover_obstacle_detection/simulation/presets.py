@@ -64,9 +64,9 @@ def _crater(rig: Rig) -> Mapping[str, Any]:
 
 
 _PEBBLES = {
-    'cover': 0.22,
-    'largest_m': 0.07,
-    'smallest_m': 0.01,
+    'cover': 0.15,
+    'largest_m': 0.08,
+    'pebble_cover': 0.14,
     'placed': 14,
     'placed_smallest_m': 0.05,
     'placed_largest_m': 0.1,
@@ -117,7 +117,7 @@ PRESETS: Mapping[str, Preset] = {
     ),
     'dense_rocks': Preset(
         'a field with a third of the ground under rocks',
-        _always(rocks={'cover': 0.33, 'placed': 14}),
+        _always(rocks={'cover': 0.33, 'pebble_cover': 0.03, 'placed': 14}),
     ),
     'pebbles': Preset('pebbles everywhere, none of them an obstacle', _always(rocks=_PEBBLES)),
     'low_texture': Preset(

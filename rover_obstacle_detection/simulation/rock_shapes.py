@@ -181,7 +181,7 @@ class RockMaker:
         half = 0.5 * field.diameter_m[rocks]
         points = turned * half[:, np.newaxis, np.newaxis]
         low, high = points[..., 2].min(1), points[..., 2].max(1)
-        buried = 0.15 + 0.3 * draws[:, 5] ** 1.5
+        buried = 0.18 + 0.3 * draws[:, 5] ** 1.5
         lift = ground_m - (low + buried * (high - low))
         points[..., 2] += lift[:, np.newaxis]
         points[..., 0] += field.x_m[rocks][:, np.newaxis]
@@ -244,9 +244,9 @@ class RockMaker:
 
 
 def _attitudes(draws: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn about the vertical by any angle, after a tilt of up to 35 degrees."""
+    """Turn about the vertical by any angle, after a tilt of up to 28 degrees."""
     turn = 2 * np.pi * draws[:, 2]
-    tilt = np.radians(35) * draws[:, 3]
+    tilt = np.radians(28) * draws[:, 3]
     axis = 2 * np.pi * draws[:, 4]
     zero, one = np.zeros_like(turn), np.ones_like(turn)
 

@@ -19,8 +19,9 @@ from rover_obstacle_detection.simulation.terrain import Apron
 # Smaller than this in the image, a rock is no more than texture.
 _SMALLEST_PX = 2.5
 _FARTHEST_M = 150.0
-_MOST_ROCKS = 24000
+_MOST_ROCKS = 60000
 _BINS_PER_DECADE = 12
+_PEBBLES_M = (0.01, 0.05)
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,13 @@ class RockField:
     def __len__(self) -> int:
         return int(self.diameter_m.size)
 
-    def aprons(self, reach_m: float = 14.0) -> list[Apron]:
-        """Soil heaped by the wind against the larger rocks near the rover's start."""
-        near = (np.hypot(self.x_m, self.y_m) < reach_m) & (self.diameter_m > 0.06)
+    def aprons(self, poses: Sequence[CameraPose], reach_m: float = 12.0) -> list[Apron]:
+        """Soil heaped by the wind against the larger rocks near the rover's way."""
+        near = np.zeros(len(self), bool)
+        for pose in poses:
+            x, y = pose.ground_below
+            near |= np.hypot(self.x_m - x, self.y_m - y) < reach_m
+        near &= self.diameter_m > 0.06
         return [
             Apron(float(x), float(y), float(0.62 * d), float(0.045 * d))
             for x, y, d in zip(self.x_m[near], self.y_m[near], self.diameter_m[near], strict=True)
@@ -95,8 +100,8 @@ def scatter(
         place, diameter = _placed(parameters, rig, camera, poses[0], rng)
         places.append(place)
         diameters.append(diameter)
-    for low, high in _bins(parameters):
-        place = _of_one_size(parameters.cover, low, high, camera, poses, rng)
+    for low, high, density in _sizes(parameters):
+        place = _of_one_size(density, high, camera, poses, rng)
         diameter = np.exp(rng.uniform(math.log(low), math.log(high), len(place)))
         places.append(place)
         diameters.append(diameter)
@@ -114,18 +119,30 @@ def scatter(
     return RockField(place[:, 0], place[:, 1], diameter, seeds)
 
 
-def _bins(parameters: RockParameters) -> list[tuple[float, float]]:
+def _sizes(parameters: RockParameters) -> list[tuple[float, float, float]]:
+    """Bins of diameters, each with its lower and upper end and its rocks on a square metre."""
+    sizes = []
     low, high = parameters.smallest_m, parameters.largest_m
-    if parameters.cover == 0 or high <= low:
-        return []
+    if parameters.cover > 0 and high > low:
+        for a, b in _bins(low, high):
+            sizes.append((a, b, rocks_per_square_metre(a, b, parameters.cover)))
+    if parameters.pebble_cover > 0:
+        bins = _bins(*_PEBBLES_M)
+        for a, b in bins:
+            # Each bin of the logarithm covers as much as any other.
+            area = parameters.pebble_cover / len(bins)
+            sizes.append((a, b, area / (math.pi / 4 * a * b)))
+    return sizes
+
+
+def _bins(low: float, high: float) -> list[tuple[float, float]]:
     count = max(1, round(_BINS_PER_DECADE * math.log10(high / low)))
     edges = np.geomspace(low, high, count + 1)
     return [(float(a), float(b)) for a, b in itertools.pairwise(edges)]
 
 
 def _of_one_size(
-    cover: float,
-    low: float,
+    density: float,
     high: float,
     camera: StereoCamera,
     poses: Sequence[CameraPose],
@@ -135,7 +152,7 @@ def _of_one_size(
     centres = np.array([pose.ground_below for pose in poses])
     low_corner, high_corner = centres.min(0) - reach, centres.max(0) + reach
     area = float(np.prod(high_corner - low_corner))
-    number = rng.poisson(rocks_per_square_metre(low, high, cover) * area)
+    number = rng.poisson(density * area)
     place = rng.uniform(low_corner, high_corner, (number, 2))
     seen = np.zeros(number, bool)
     half_view = camera.width / 2 / camera.fx

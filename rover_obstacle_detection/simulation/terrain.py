@@ -148,32 +148,35 @@ def _crater(crater: Crater, waves: NDArray[np.float64], x_m: Floats, y_m: Floats
 
 
 class _ApronGrid:
-    """Aprons summed on a grid of 2 cm, read smoothly; none outside of it."""
+    """Aprons on a grid of 2 cm, coarser for very large areas; none outside of it."""
 
-    CELL_M = 0.02
+    FINEST_M = 0.02
+    MOST_CELLS = 4000
 
     def __init__(self, aprons: list[Apron]) -> None:
-        reach = max(apron.radius_m for apron in aprons) * 3 + 4 * self.CELL_M
         xs, ys = [apron.x_m for apron in aprons], [apron.y_m for apron in aprons]
+        extent = max(max(xs) - min(xs), max(ys) - min(ys))
+        cell = max(self.FINEST_M, extent / self.MOST_CELLS)
+        reach = max(apron.radius_m for apron in aprons) * 3 + 4 * cell
         self._x0, self._y0 = min(xs) - reach, min(ys) - reach
-        columns = math.ceil((max(xs) + reach - self._x0) / self.CELL_M)
-        rows = math.ceil((max(ys) + reach - self._y0) / self.CELL_M)
+        columns = math.ceil((max(xs) + reach - self._x0) / cell)
+        rows = math.ceil((max(ys) + reach - self._y0) / cell)
         grid = np.zeros((rows, columns), np.float32)
         for apron in aprons:
             span = 3 * apron.radius_m
-            i0, i1 = (int((apron.y_m + s - self._y0) / self.CELL_M) for s in (-span, span))
-            j0, j1 = (int((apron.x_m + s - self._x0) / self.CELL_M) for s in (-span, span))
-            y = self._y0 + self.CELL_M * np.arange(i0, i1, dtype=np.float32)[:, np.newaxis]
-            x = self._x0 + self.CELL_M * np.arange(j0, j1, dtype=np.float32)[np.newaxis]
+            i0, i1 = (int((apron.y_m + s - self._y0) / cell) for s in (-span, span))
+            j0, j1 = (int((apron.x_m + s - self._x0) / cell) for s in (-span, span))
+            y = self._y0 + cell * np.arange(i0, i1, dtype=np.float32)[:, np.newaxis]
+            x = self._x0 + cell * np.arange(j0, j1, dtype=np.float32)[np.newaxis]
             square = ((x - apron.x_m) ** 2 + (y - apron.y_m) ** 2) / apron.radius_m**2
             patch = grid[i0:i1, j0:j1]
             np.maximum(patch, apron.height_m * np.exp(-square), out=patch)
-        self._x1 = self._x0 + (columns - 1) * self.CELL_M
-        self._y1 = self._y0 + (rows - 1) * self.CELL_M
+        self._x1 = self._x0 + (columns - 1) * cell
+        self._y1 = self._y0 + (rows - 1) * cell
         size = max(rows, columns) + 4
         values = np.zeros((size, size), np.float32)
         values[:rows, :columns] = grid
-        self._tile = Tile(values, size * self.CELL_M)
+        self._tile = Tile(values, size * cell)
 
     def height(self, x_m: Floats, y_m: Floats) -> Floats:
         inside = (x_m > self._x0) & (x_m < self._x1) & (y_m > self._y0) & (y_m < self._y1)
