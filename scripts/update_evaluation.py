@@ -4,8 +4,9 @@
     python scripts/update_evaluation.py --bags SCENES    # a folder of labelled bags
 
 Scenes named ``report_*`` make the reported figures, those named ``tune_*`` the figures to compare
-them with. The text of the page between the blocks stays as it is. Rendering the suite needs the
-extra sim; methods whose library is missing are left out.
+them with; the recorded bag that comes with the project has a table of its own. The text of the
+page between the blocks stays as it is. Rendering the suite needs the extra sim; methods whose
+library is missing are left out.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from rover_obstacle_detection.offline.evaluate import BagOptions, evaluate_bags
 from rover_obstacle_detection.offline.evaluation_report import summary_of
 
 ROOT = Path(__file__).resolve().parent.parent
+SAMPLE = ROOT / 'bags' / 'mars_yard'
 PAGE = ROOT / 'docs' / 'evaluation.md'
 PICTURES = ROOT / 'docs' / 'images'
 PICTURE_NAME = 'evaluation_worst_{:02}.jpg'
@@ -58,8 +60,9 @@ def main() -> None:
     methods = installed_methods()
     reported = evaluated(reporting, methods, curve=True)
     tuned = evaluated(tuning, methods, curve=False)
+    sample = evaluated([SAMPLE], methods, curve=False)
     text = PAGE.read_text(encoding='utf-8')
-    for name, content in blocks(reported, tuned).items():
+    for name, content in blocks(reported, tuned, sample).items():
         text = with_block(text, name, content)
     PAGE.write_text(text, encoding='utf-8')
     print(f'written: {PAGE}')
@@ -104,7 +107,7 @@ def evaluated(bags: Sequence[Path], methods: Sequence[str], *, curve: bool) -> E
     return evaluation
 
 
-def blocks(reported: Evaluation, tuned: Evaluation) -> dict[str, str]:
+def blocks(reported: Evaluation, tuned: Evaluation, sample: Evaluation) -> dict[str, str]:
     """Content of each block of the page."""
     config = DetectorConfig()
     tables = {
@@ -118,12 +121,23 @@ def blocks(reported: Evaluation, tuned: Evaluation) -> dict[str, str]:
         'terrain': distribution_table(reported, config.study_max_roughness, config.study_max_step),
         'clearance': clearance_table(reported),
         'tuning': method_table(tuned) if tuned.scenes else None,
+        'sample': method_table(sample),
     }
     content = {
         name: '-\n' if table is None else table.as_markdown() for name, table in tables.items()
     }
+    content['reporting-scenes'] = scene_list(reported)
+    content['tuning-scenes'] = scene_list(tuned)
     content['worst'] = worst_frames(reported)
     return content
+
+
+def scene_list(evaluation: Evaluation) -> str:
+    """Say which scenes the figures are of."""
+    results = evaluation.of(OWN)
+    frames = sum(len(result.frames) for result in results)
+    names = ', '.join(f'`{result.scene}`' for result in results)
+    return f'{len(results)} scenes, {frames} frames: {names or "none"}.\n'
 
 
 def gain_table(evaluation: Evaluation) -> Table:
