@@ -122,7 +122,9 @@ def test_a_suite_that_is_not_understood_is_refused(tmp_path, text, message):
 
 
 def test_a_suite_that_is_not_there_is_named():
-    with pytest.raises(ConfigurationError, match="no suite 'standart': expected one of samples, standard"):
+    with pytest.raises(
+        ConfigurationError, match="no suite 'standart': expected one of samples, standard"
+    ):
         load_suite('standart')
 
 
@@ -151,6 +153,17 @@ def test_missing_llvm_is_named_with_the_command(monkeypatch):
     monkeypatch.delenv('DRJIT_LIBLLVM_PATH', raising=False)
     monkeypatch.setattr(renderer, '_find_llvm', lambda: None)
     with pytest.raises(MissingExtraError, match='sudo apt-get install libllvm19'):
+        renderer.load_mitsuba()
+
+
+def test_an_llvm_that_mitsuba_refuses_is_named(monkeypatch):
+    class Mitsuba:
+        def set_variant(self, name):
+            raise ImportError('the LLVM backend is inactive')
+
+    monkeypatch.setenv('DRJIT_LIBLLVM_PATH', '/opt/libLLVM-14.so')
+    monkeypatch.setattr(renderer.importlib, 'import_module', lambda name: Mitsuba())
+    with pytest.raises(MissingExtraError, match=r'cannot use /opt/libLLVM-14.so .* libllvm19'):
         renderer.load_mitsuba()
 
 

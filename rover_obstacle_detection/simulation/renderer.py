@@ -52,7 +52,15 @@ def load_mitsuba() -> Any:
     except ImportError as error:
         msg = "simulate needs Mitsuba: pip install 'rover_obstacle_detection[sim]'"
         raise MissingExtraError(msg) from error
-    mitsuba.set_variant('llvm_ad_rgb')
+    try:
+        mitsuba.set_variant('llvm_ad_rgb')
+    except ImportError as error:
+        path = os.environ['DRJIT_LIBLLVM_PATH']
+        msg = (
+            f'Mitsuba cannot use {path} as its LLVM: sudo apt-get install '
+            f'libllvm{_LLVM_VERSION}, and unset DRJIT_LIBLLVM_PATH'
+        )
+        raise MissingExtraError(msg) from error
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     return mitsuba
 
