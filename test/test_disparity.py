@@ -92,6 +92,15 @@ def test_sixteenths_of_a_pixel():
     assert (fixed[:, :2] == (2 - 1) * 16).all()
 
 
+@pytest.mark.parametrize(('lowest', 'count'), [(0, 208), (-100, 208), (190, 16), (0, 4096)])
+@pytest.mark.parametrize('mode', [0, 2])
+def test_range_wider_than_the_image_matches_nothing(lowest, count, mode):
+    config = DetectorConfig(sgbm_mode=mode)
+    fixed = semi_global_match(*shifted_pair(7), lowest, count, config, OWN)
+    assert fixed.dtype == np.int16
+    assert (fixed == (lowest - 1) * 16).all()
+
+
 @pytest.mark.parametrize('mode', [0, 1, 2, 3])
 def test_every_mode_matches(mode):
     found = matched(shifted_pair(9), sgbm_mode=mode)

@@ -71,6 +71,9 @@ def semi_global_match(
         Disparity in sixteenths of a pixel; ``(lowest - 1) * 16`` where there is no match, as in
         the columns on either side that the other eye does not see over the whole range.
     """
+    if left.shape[1] + min(lowest, 0) <= max(lowest + count, 0):
+        # No column is seen over the whole range; OpenCV would ask for memory without end.
+        return np.full(left.shape, (lowest - 1) * SUBPIXELS, np.int16)
     matcher = cv2.StereoSGBM.create(
         minDisparity=lowest,
         numDisparities=count,

@@ -141,7 +141,9 @@ def detect_hybrid(
     if rover_mask is not None:
         mask[rover_mask] = FREE
     finished('outlines')
-    return _detection(stereo, terrain, segments, by_region, mask, pair[0], camera, config)
+    return _detection(
+        stereo, terrain, segments, by_region, mask, rover_mask, pair[0], camera, config
+    )
 
 
 def match_against_ground(
@@ -189,6 +191,8 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
     # A cell is trusted by its noise, down to what relief there is within a cell anyway.
     trust = np.zeros_like(height_m)
     np.divide(FOOT_M**2, FOOT_M**2 + noise_m * noise_m, out=trust, where=judged)
+    # What rises above the eyes is no ground: false matches in the sky would make some nearby.
+    trust[height_m > stereo.ground.height_m] = 0
     mean_m, weight = cell_means(height_m, trust, positions)
     ground_map = local_ground(
         mean_m,
@@ -325,6 +329,7 @@ def _detection(
     segments: Segments,
     by_region: NDArray[np.bool_],
     mask: NDArray[np.uint8],
+    rover_mask: NDArray[np.bool_] | None,
     grey: NDArray[np.uint8],
     camera: StereoCamera,
     config: DetectorConfig,
@@ -341,6 +346,10 @@ def _detection(
         elevation_m = elevation_along(reproject(stereo.disparity, camera), stereo.ground.up_vector)
         return window_step(elevation_m, config.window_size)
 
+    def known() -> NDArray[np.bool_]:
+        found = large(terrain.judged | by_region) | (mask == OBSTACLE)
+        return np.asarray(found if rover_mask is None else found & ~rover_mask)
+
     return Detection(
         camera=camera,
         config=config,
@@ -353,7 +362,7 @@ def _detection(
             'roughness': lambda: window_roughness(stereo.disparity, camera, config.window_size),
             'step': step,
             'height': height,
-            'known': lambda: large(terrain.judged | by_region) | (mask == OBSTACLE),
+            'known': known,
             'mask': mask,
         },
     )

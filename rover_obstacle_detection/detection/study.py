@@ -97,6 +97,9 @@ def detect_as_study(
     if rover_mask is not None:
         mask[rover_mask] = FREE
     finished('morphology')
+    known = has_point | ~is_seed[regions]
+    if rover_mask is not None:
+        known &= ~rover_mask
     return Detection(
         camera=camera,
         config=config,
@@ -109,7 +112,7 @@ def detect_as_study(
             'roughness': roughness,
             'step': step,
             'height': lambda: elevation_m + np.float32(ground.height_m),
-            'known': lambda: has_point | ~is_seed[regions],
+            'known': known,
             'mask': mask,
         },
     )
