@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -191,8 +192,9 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
     # A cell is trusted by its noise, down to what relief there is within a cell anyway.
     trust = np.zeros_like(height_m)
     np.divide(FOOT_M**2, FOOT_M**2 + noise_m * noise_m, out=trust, where=judged)
-    # What rises above the eyes is no ground: false matches in the sky would make some nearby.
-    trust[height_m > stereo.ground.height_m] = 0
+    # Ground is what could be driven up to: false matches in the sky would make some nearby.
+    rise = math.tan(math.radians(config.max_slope))
+    trust[height_m > rise * (positions.row + positions.first_row) * cell_m + config.max_step] = 0
     mean_m, weight = cell_means(height_m, trust, positions)
     ground_map = local_ground(
         mean_m,
