@@ -43,7 +43,7 @@ class Process:
         self.log = log
         with log.open('wb') as file:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', 'rover_obstacle_detection', *arguments],
+                arguments,
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 env=environment,
@@ -150,7 +150,7 @@ class LiveGraph:
 
         self.folder = folder
         self.factory = RclpyFactory()
-        self._environment = os.environ | {'ROS_DOMAIN_ID': str(domain)}
+        self.environment = os.environ | {'ROS_DOMAIN_ID': str(domain)}
         self._context = rclpy.Context()
         rclpy.init(args=[], context=self._context, domain_id=domain)
         self.node = rclpy.create_node('test', context=self._context)
@@ -161,7 +161,8 @@ class LiveGraph:
 
     def start(self, *arguments: str) -> Process:
         log = self.folder / f'{len(self._processes)}_{arguments[0]}.log'
-        process = Process(arguments, log, self._environment)
+        command = [sys.executable, '-m', 'rover_obstacle_detection', *arguments]
+        process = Process(command, log, self.environment)
         self._processes.append(process)
         return process
 

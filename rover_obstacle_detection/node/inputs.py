@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import qos_profile_sensor_data
@@ -14,6 +14,7 @@ from rclpy.serialization import deserialize_message
 
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
+from rover_obstacle_detection.node.image_pair import ImagePair
 from rover_obstacle_detection.node.loss_counter import LossCounter
 from rover_obstacle_detection.node.rclpy_factory import message_type
 from rover_obstacle_detection.node.settings import Settings
@@ -26,21 +27,6 @@ IMAGE_TYPES = {'raw': 'sensor_msgs/msg/Image', 'compressed': 'sensor_msgs/msg/Co
 
 # A serialised message with a header begins with 4 bytes of encoding and 8 of stamp.
 STAMP_END = 12
-
-
-class ImagePair(NamedTuple):
-    """A pair as it arrived: messages, not yet decoded.
-
-    Parameters
-    ----------
-    left, right : sensor_msgs/Image or CompressedImage
-    arrival_s : float
-        Monotonic time at which the second of them arrived.
-    """
-
-    left: Any
-    right: Any
-    arrival_s: float
 
 
 class StereoInputs:

@@ -16,9 +16,11 @@ from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.diagnostics import NodeState, Status, statuses
 from rover_obstacle_detection.node.gravity_input import GravityInput
-from rover_obstacle_detection.node.inputs import ImagePair, StereoInputs
+from rover_obstacle_detection.node.image_pair import ImagePair
+from rover_obstacle_detection.node.inputs import StereoInputs
 from rover_obstacle_detection.node.pairing_watch import PairingWatch
 from rover_obstacle_detection.node.parameters import (
+    concerns_settings,
     current_settings,
     declare_parameters,
     judge_change,
@@ -203,6 +205,8 @@ class ObstacleDetector(LifecycleNode):
         return judge_change(self, changes)
 
     def _take_change(self, changes: list[Any]) -> None:
+        if not concerns_settings(changes):
+            return
         before, self._settings = self._settings, current_settings(self)
         if self._inputs is not None and _input_settings(before) != _input_settings(self._settings):
             self._inputs.configure(self._settings)

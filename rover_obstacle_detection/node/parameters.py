@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -105,8 +105,16 @@ def with_decimals(changes: Iterable[Parameter]) -> list[Parameter]:
     ]
 
 
-def judge_change(node: Any, changes: Iterable[Parameter]) -> SetParametersResult:
+def concerns_settings(changes: Iterable[Parameter]) -> bool:
+    """Whether parameters of `all_parameters` are among them, and not only ROS's own."""
+    names = {each.name for each in all_parameters()}
+    return any(each.name in names for each in changes)
+
+
+def judge_change(node: Any, changes: Sequence[Parameter]) -> SetParametersResult:
     """Answer a request to set parameters: refused with the reason if they do not fit."""
+    if not concerns_settings(changes):
+        return SetParametersResult(successful=True)
     try:
         current_settings(node, changes)
     except ObstacleDetectionError as error:

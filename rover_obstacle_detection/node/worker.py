@@ -18,7 +18,7 @@ from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.errors import ImageError, ObstacleDetectionError
 from rover_obstacle_detection.messages.image import decode_any_image
 from rover_obstacle_detection.node.calibration import LiveCalibration
-from rover_obstacle_detection.node.inputs import ImagePair
+from rover_obstacle_detection.node.image_pair import ImagePair
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.node.settings import (
+    NO_LIMIT_NS,
+    NODE_PARAMETERS,
+    Settings,
+    all_parameters,
+)
+
+
+def test_names_are_unique_and_described() -> None:
+    names = [each.name for each in all_parameters()]
+
+    assert len(set(names)) == len(names)
+    assert all(each.description.endswith('.') for each in NODE_PARAMETERS)
+    for each in NODE_PARAMETERS:
+        each.check(each.default)
+
+
+def test_defaults() -> None:
+    settings = Settings.from_values({})
+
+    assert settings.config == DetectorConfig()
+    assert settings.tolerance_ns is None
+    assert (settings.queue_size, settings.image_transport, settings.autostart) == (5, 'raw', True)
+    assert settings.rover_mask is None
+
+
+@pytest.mark.parametrize(
+    ('values', 'tolerance_ns'),
+    [
+        ({'approximate_sync_tolerance_seconds': 0.02}, None),
+        ({'approximate_sync': True, 'approximate_sync_tolerance_seconds': 0.02}, 20_000_000),
+        ({'approximate_sync': True}, NO_LIMIT_NS),
+    ],
+)
+def test_tolerance_of_the_pairing(values: dict[str, Any], tolerance_ns: int | None) -> None:
+    assert Settings.from_values(values).tolerance_ns == tolerance_ns
+
+
+@pytest.mark.parametrize(
+    ('values', 'reason'),
+    [
+        ({'queue_size': 0}, 'queue_size is 0: expected 1 to 100'),
+        ({'image_transport': 'theora'}, 'expected one of raw, compressed'),
+        ({'base_frame': ''}, 'base_frame'),
+        ({'imu_roll': 200.0}, 'imu_roll is 200.0: expected -180 to 180'),
+        ({'max_step': 0.0}, 'max_step is 0.0: expected 0.01 to 2'),
+        ({'rover_polygon': 'none'}, 'rover_polygon'),
+    ],
+)
+def test_impossible_values_are_refused(values: dict[str, Any], reason: str) -> None:
+    with pytest.raises(ConfigurationError) as refusal:
+        Settings.from_values(values)
+
+    assert reason in str(refusal.value)
