@@ -116,7 +116,7 @@ def test_map_of_nothing_is_one_empty_cell():
 
 
 def test_means_are_weighted():
-    place = positions([0.2, -0.4, 2.9, 3.0], [1.0, 1.4, 0.0, 2.0])
+    place = positions([0.2, -0.4, 2.9, 3.0], [0.6, 1.4, 0.0, 2.0])
     values = np.array([[1, 4, 7, 9]], np.float32)
     weights = np.array([[1, 2, 0.5, 0]], np.float32)
     mean, weight = cell_means(values, weights, place)
