@@ -283,8 +283,10 @@ def make_image(array: np.ndarray, stamp: int, factory: MessageFactory) -> Any:
     return encode_image(array, encoding, make_header(stamp, FRAME, factory), factory)
 
 
-def write_stereo_bag(path: Path, view: Any, stamps: Sequence[int]) -> None:
-    """Record the same pair over and over."""
+def write_stereo_bag(
+    path: Path, view: Any, stamps: Sequence[int], *, end: int | None = None
+) -> None:
+    """Record one pair over and over; at ``end`` a last calibration, for loops of steady rate."""
     with BagWriter(path) as bag:
         for stamp in stamps:
             for side, array in (('left', view.left), ('right', view.right)):
@@ -292,6 +294,9 @@ def write_stereo_bag(path: Path, view: Any, stamps: Sequence[int]) -> None:
                 image = make_image(array, stamp, bag.factory)
                 bag.add(f'/stereo/{side}/camera_info', 'sensor_msgs/msg/CameraInfo', info, stamp)
                 bag.add(f'/stereo/{side}/image_rect', 'sensor_msgs/msg/Image', image, stamp)
+        if end is not None:
+            info = make_info(view.scene.camera, 'left', end, bag.factory)
+            bag.add('/stereo/left/camera_info', 'sensor_msgs/msg/CameraInfo', info, end)
 
 
 @contextmanager

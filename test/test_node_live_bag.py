@@ -85,10 +85,12 @@ def test_every_pair_yields_what_the_replay_writes_bit_for_bit(
 
 @pytest.fixture(scope='module')
 def short_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four small pairs in three quarters of a second."""
+    """Four small pairs in a second."""
     view = synthetic.render(synthetic.mast())
     path = tmp_path_factory.mktemp('recorded') / 'short'
-    write_stereo_bag(path, view, [START_NS + number * SECOND // 4 for number in range(4)])
+    write_stereo_bag(
+        path, view, [START_NS + number * SECOND // 4 for number in range(4)], end=START_NS + SECOND
+    )
     return path
 
 

@@ -126,7 +126,7 @@ def test_recording_of_ros_1(graph: Any, tmp_path: Path) -> None:
     assert '/old/odd: odd_msgs/msg/Odd is not installed, not played' in player.output
 
 
-@pytest.mark.parametrize('signals', [(signal.SIGINT,), (signal.SIGINT,) * 2, (signal.SIGTERM,)])
+@pytest.mark.parametrize('signals', [(signal.SIGINT,) * 2, (signal.SIGTERM,)])
 def test_signal_while_playing_ends_it_cleanly(
     graph: Any, images: Any, bag: Path, signals: tuple[signal.Signals, ...]
 ) -> None:
