@@ -222,3 +222,13 @@ def test_truth_of_the_scenes_is_right():
     expected = 1.0 / math.sin(angle) * math.cos(angle - math.radians(46))
     assert view.depth_m[row, 160] == pytest.approx(expected, rel=1e-6)
     assert view.height_m[view.surface == 1].max() == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize('pitch_deg', [5.0, 15.0, 25.0])
+def test_bare_sky_is_no_obstacle_and_gives_no_points(pitch_deg):
+    found, view = detect(Scene(pinhole(640, 480, 70.0, 0.12), pitch_deg, 0.6))
+    sky = np.isnan(view.depth_m)
+    assert sky.mean() > 0.1
+    assert flagged(found, sky) < 0.03
+    assert flagged(found, ~sky) < 0.01
+    assert (found.disparity[sky] > 0).mean() < 0.05

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.outline import guided_filter, texture_level
+from rover_obstacle_detection.detection.outline import guided_filter, texture_level, untextured
 
 
 def test_smooth_images_have_the_least_texture():
@@ -51,3 +51,18 @@ def test_without_contrast_values_are_only_smoothed():
     assert result[20, 10] == pytest.approx(0, abs=1e-6)
     assert result[20, 50] == pytest.approx(1, abs=1e-6)
     assert 0.2 < result[20, 29] < 0.8
+
+
+def test_bare_sky_is_told_from_ground_by_more_than_its_noise():
+    random = np.random.default_rng(3)
+    image = random.normal(200, 1.0, (60, 80))
+    image[30:] = random.normal(120, 8.0, (30, 80))
+    bare = untextured(np.clip(image, 0, 255).astype(np.uint8), 9, 2.0)
+    assert bare[:24].mean() > 0.99
+    assert not bare[36:].any()
+
+
+def test_vertical_stripes_are_texture_and_rows_are_not():
+    stripes = np.tile(np.arange(40, dtype=np.uint8) // 2 % 2 * 40, (30, 1))
+    assert not untextured(stripes, 9, 2.0)[:, 6:-6].any()
+    assert untextured(np.ascontiguousarray(stripes.T), 9, 2.0).all()

@@ -29,7 +29,7 @@ from rover_obstacle_detection.detection.ground_plane import DisparityPlane, esti
 from rover_obstacle_detection.detection.image import GreyPair
 from rover_obstacle_detection.detection.local_ground import local_ground, smoothed
 from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX, height_noise_m
-from rover_obstacle_detection.detection.outline import guided_filter, texture_level
+from rover_obstacle_detection.detection.outline import guided_filter, texture_level, untextured
 from rover_obstacle_detection.detection.regions import nearest_values, seed_regions
 from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
@@ -52,14 +52,14 @@ REGION_REDUCTION = 4
 # Scales of the terrain, in metres: what a wheel feels, what a rock is, what the ground does.
 CELL_PER_STEP = 0.4
 MAX_MAP_CELLS = 400
-OPENING_M = 0.8
+OPENING_M = 0.7
 TREND_M = 0.4
 SMOOTHING_M = 0.08
 RELIEF_M = 0.10
 WIDE_RELIEF_M = 0.30
 QUIET_M = 0.01
 NOISY_M = 0.03
-DROP_SURROUNDINGS_M = 2.0
+DROP_SURROUNDINGS_M = 1.8
 
 # Noise picks the highest of a rock's pixels: the peak measures a few per cent too tall.
 CORE_SHARE = 1.05
@@ -69,6 +69,8 @@ FOOT_NOISES = 2.0
 MIN_CORE_PIXELS = 5
 GROUND_SHARE = 0.5
 
+MIN_TEXTURE = 2.0
+TEXTURE_WINDOW = 9
 TEXTURE_BANDWIDTH = 3.0
 OUTLINE_RADIUS = 4
 
@@ -166,6 +168,8 @@ def match_against_ground(
     expected = DisparityPlane.from_ground(ground, camera).disparity(camera)
     search = residual_range(coarse, DisparityPlane.from_ground(ground, coarse.camera))
     disparity = warped_disparity(*pair, camera, np.maximum(expected, 0), search, config, penalty)
+    # A bare sky takes the disparity of the hills before it; on the ground that is a fair guess.
+    disparity[(expected <= 0) & untextured(pair[0], TEXTURE_WINDOW, MIN_TEXTURE)] = 0
     if rover_mask is not None:
         disparity[rover_mask] = 0
     finished('disparity')
@@ -180,9 +184,10 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
     expected = stereo.expected[::2, ::2] * np.float32(0.5)
     noise_m = height_noise_m(disparity, stereo.ground.height_m, DISPARITY_NOISE_PX / 2)
     cell_m = max(CELL_PER_STEP * config.max_step, config.max_range / MAX_MAP_CELLS)
-    positions = map_positions(disparity, half, stereo.ground, cell_m, config.max_range)
+    max_range_m = min(config.max_range, quiet_range_m(camera, stereo.ground.height_m, config))
+    positions = map_positions(disparity, half, stereo.ground, cell_m, max_range_m)
     height_m = np.zeros_like(disparity)
-    judged = positions.inside & (noise_m < NOISE_SHARE * config.max_step)
+    judged = positions.inside
     np.divide(
         np.float32(stereo.ground.height_m) * (disparity - expected),
         disparity,
@@ -222,6 +227,11 @@ def survey(stereo: Stereo, camera: StereoCamera, config: DetectorConfig) -> Terr
         ground_map,
         weight > 0,
     )
+
+
+def quiet_range_m(camera: StereoCamera, height_m: float, config: DetectorConfig) -> float:
+    """Find how far away the noise of heights is still a small part of the rover's step."""
+    return camera.depth_m(height_m * DISPARITY_NOISE_PX / (NOISE_SHARE * config.max_step))
 
 
 def exceeds_clearance(terrain: Terrain, config: DetectorConfig) -> NDArray[np.bool_]:
@@ -386,4 +396,4 @@ def _at_full_resolution(image: NDArray[np.float32], shape: tuple[int, ...]) -> N
 
 def _decimated(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
     small = cv2.resize(mask.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
-    return np.asarray(small > 0)
+    return np.asarray(small > 0.5)

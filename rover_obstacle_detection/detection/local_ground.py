@@ -72,7 +72,8 @@ def _without_feet(near: NDArray[np.bool_], present: NDArray[np.bool_]) -> NDArra
 
 
 def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    # A square takes two passes over the map, a disc one for each of its cells.
+    kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
     far = np.float32(1e6)
     lowest = cv2.erode(np.where(present, height_m, far), kernel, borderType=cv2.BORDER_REPLICATE)
     lowest = np.where(lowest >= far, -far, lowest)

@@ -21,6 +21,27 @@ def texture_level(grey: NDArray[np.uint8]) -> float:
     return max(1.0, 1.4826 * float(np.median(deviation[::thin, ::thin])))
 
 
+def untextured(grey: NDArray[np.uint8], size: int, min_difference: float) -> NDArray[np.bool_]:
+    """Find where there is nothing that could be matched along a row: sky, lightless shadow.
+
+    Semi-global matching carries the disparity of what is around into such places.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (height, width)
+    size : int
+        Side of the window, pixels, odd.
+    min_difference : float
+        Mean difference between a pixel's neighbours on either side, grey levels; sensor noise of
+        a standard deviation s has 1.1 s.
+    """
+    difference = np.zeros_like(grey)
+    difference[:, 1:-1] = cv2.absdiff(grey[:, 2:], grey[:, :-2])
+    # Sums stay whole numbers, where a mean of bytes would be rounded.
+    total = cv2.boxFilter(difference, cv2.CV_16U, (size, size), normalize=False)
+    return np.asarray(total < min_difference * size * size)
+
+
 def guided_filter(
     guide: NDArray[np.uint8], values: NDArray[np.float32], radius: int, min_contrast: float
 ) -> NDArray[np.float32]:

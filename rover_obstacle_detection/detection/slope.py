@@ -76,7 +76,7 @@ def dropped_cells(
     size = round(surroundings_m / (reduction * cell_m)) | 1
     # Room for the kernel to stand outside the map, where nothing is seen.
     wide = cv2.copyMakeBorder(level, *4 * (size,), cv2.BORDER_CONSTANT, value=float(abyss))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
     brim = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel)[size:-size, size:-size]
     depth_m = cv2.resize(brim, (columns, rows), interpolation=cv2.INTER_NEAREST) - relief_m
     return np.asarray((depth_m > max_drop_m) & seen)
