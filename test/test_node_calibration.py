@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import re
+import threading
 from types import SimpleNamespace
 from typing import Any
 
@@ -97,3 +98,36 @@ def test_forgotten_calibration_must_come_again(calibration: LiveCalibration) -> 
 
     assert calibration.state[0] is None
     assert calibration.take(0, make_info())
+
+
+def test_camera_that_was_not_listened_to_is_confirmed_or_replaced(
+    calibration: LiveCalibration,
+) -> None:
+    for side in (0, 1):
+        calibration.take(side, make_info(right=bool(side)))
+    calibration.doubt()
+    other = threading.Thread(
+        target=lambda: [calibration.take(s, make_info(right=bool(s), fx=200.0)) for s in (0, 1)]
+    )
+    other.start()
+
+    camera = calibration.wait_for_camera(30.0)
+
+    other.join()
+    assert camera is not None
+    assert camera.fx == 200.0
+    calibration.doubt()
+    calibration.confirm(0)
+    calibration.confirm(1)
+    assert calibration.wait_for_camera(30.0) is camera
+
+
+def test_camera_that_nothing_confirms_stays(calibration: LiveCalibration) -> None:
+    for side in (0, 1):
+        calibration.take(side, make_info(right=bool(side)))
+    camera, _ = calibration.state
+    calibration.doubt()
+
+    assert calibration.wait_for_camera(0.0) is camera
+    # And is not waited for again.
+    assert calibration.wait_for_camera(30.0) is camera

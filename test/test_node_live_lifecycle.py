@@ -15,7 +15,7 @@ import synthetic
 from live_graph import Camera, LiveGraph, Process, live_graph
 
 VIEW = synthetic.render(synthetic.mast())
-CAMERA = VIEW.scene.camera
+OTHER = synthetic.render(synthetic.hazard_camera(240, 180))
 MASK = '/stereo/obstacle_mask'
 LEFT_IMAGE = '/stereo/left/image_rect'
 
@@ -41,15 +41,10 @@ class Stream:
 
     def __init__(self, graph: LiveGraph) -> None:
         self.camera = Camera(graph)
-        self.left = self.camera.image(VIEW.left, 1)
-        self.right = self.camera.image(VIEW.right, 1)
+        self.view = VIEW
 
     def send(self) -> None:
-        stamp = time.time_ns()
-        self.camera.send_infos(CAMERA, stamp)
-        for image in (self.left, self.right):
-            image.header.stamp.sec, image.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
-        self.camera.send_images(self.left, self.right)
+        self.camera.send(self.view.scene.camera, self.view.left, self.view.right, time.time_ns())
 
 
 def wait_for_new_mask(graph: LiveGraph, masks: Any, stream: Stream, process: Process) -> None:
@@ -110,8 +105,16 @@ def test_node_rests_while_nobody_listens(tmp_path: Path) -> None:
         wait_for_new_mask(graph, markers, stream, process)
 
         graph.unsubscribe(markers)
-        graph.wait_for(lambda: graph.node.count_subscribers(LEFT_IMAGE) == 0)
+        for topic in (LEFT_IMAGE, '/stereo/left/camera_info'):
+            graph.wait_for(lambda topic=topic: graph.node.count_subscribers(topic) == 0)
         graph.wait_for(lambda: diagnostics.message('detection').startswith('resting'))
+        graph.wait_for(lambda: diagnostics.message('calibration') == 'calibrated')
+
+        # A camera that was changed in the meantime is noticed with the first pair.
+        stream.view = OTHER
+        masks = graph.subscribe('sensor_msgs/msg/Image', MASK)
+        wait_for_new_mask(graph, masks, stream, process)
+        assert (masks.messages[0].width, masks.messages[0].height) == (240, 180)
 
 
 @pytest.mark.parametrize(

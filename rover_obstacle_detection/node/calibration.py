@@ -28,6 +28,7 @@ class LiveCalibration:
         self._changed = threading.Condition()
         self._infos: list[Any] = [None, None]
         self._contents: list[tuple[object, ...] | None] = [None, None]
+        self._confirmed = [False, False]
         self._camera: StereoCamera | None = None
         self._problem = self._missing()
 
@@ -38,10 +39,26 @@ class LiveCalibration:
             return self._camera, self._problem
 
     def wait_for_camera(self, timeout_s: float) -> StereoCamera | None:
-        """Wait for the first calibration; an invalid one is not waited for."""
+        """Give the camera; wait a little where an eye has sent nothing since the start or `doubt`.
+
+        What was known before a doubt is taken for right if nothing comes to confirm it.
+        """
         with self._changed:
-            self._changed.wait_for(lambda: None not in self._infos, timeout_s)
+            self._changed.wait_for(lambda: all(self._confirmed), timeout_s)
+            if self._camera is not None:
+                self._confirmed = [True, True]
             return self._camera
+
+    def doubt(self) -> None:
+        """Expect another CameraInfo of both eyes: it was not listened to for a while."""
+        with self._changed:
+            self._confirmed = [False, False]
+
+    def confirm(self, side: int) -> None:
+        """Note that an eye has sent the same CameraInfo again."""
+        with self._changed:
+            self._confirmed[side] = True
+            self._changed.notify_all()
 
     def take(self, side: int, info: Any) -> bool:
         """Take a ``sensor_msgs/CameraInfo`` of the left (0) or right (1) eye.
@@ -53,10 +70,11 @@ class LiveCalibration:
         """
         contents = _contents(info)
         with self._changed:
+            self._confirmed[side] = True
+            self._changed.notify_all()
             if contents == self._contents[side]:
                 return False
             self._infos[side], self._contents[side] = info, contents
-            self._changed.notify_all()
             left, right = self._infos
             if left is None or right is None:
                 self._problem = self._missing()
@@ -72,6 +90,7 @@ class LiveCalibration:
         """Start afresh, as before the first CameraInfo."""
         with self._changed:
             self._infos, self._contents = [None, None], [None, None]
+            self._confirmed = [False, False]
             self._camera, self._problem = None, self._missing()
 
     def _missing(self) -> str:

@@ -26,7 +26,7 @@ from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
 
 # A detection that runs is waited for; one that hangs does not keep the node from ending.
 PATIENCE_S = 20.0
-# The first pair may overtake the camera_info that was sent with it.
+# The first pair after a start or a rest may overtake the camera_info that was sent with it.
 CALIBRATION_PATIENCE_S = 0.2
 
 
