@@ -101,10 +101,10 @@ def test_loop_and_restart_of_the_player(
     masks.messages.clear()
 
     looping = graph.start('play', str(short_bag), '--rate', RATE, '--loop')
-    graph.wait_for(lambda: len(masks.messages) >= 9, node, looping)
+    graph.wait_for(lambda: len(masks.messages) >= 6, node, looping)
     assert looping.stop() == 0
     round_ns = [START_NS + number * SECOND // 4 for number in range(4)]
-    assert masks.stamps_ns[:9] == [*round_ns, *round_ns, round_ns[0]]
+    assert masks.stamps_ns[:6] == [*round_ns, *round_ns[:2]]
 
     masks.messages.clear()
     again = graph.start('play', str(short_bag), '--rate', RATE)
@@ -123,9 +123,9 @@ def test_simulated_time_that_jumps_back(graph: LiveGraph, node: Process, short_b
     graph.wait_until_listening('/stereo/left/image_rect', '/stereo/right/image_rect')
 
     player = graph.start('play', str(short_bag), '--rate', RATE, '--loop', '--clock')
-    graph.wait_for(lambda: len(masks.messages) >= 9, simulated, player)
+    graph.wait_for(lambda: len(masks.messages) >= 6, simulated, player)
 
-    assert masks.stamps_ns[4:8] == masks.stamps_ns[0:4]
+    assert masks.stamps_ns[4:6] == masks.stamps_ns[0:2]
     # Diagnostics go on, by the simulated clock.
     before = diagnostics.count
     graph.wait_for(lambda: diagnostics.count > before + 1, simulated)
