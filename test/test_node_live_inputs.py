@@ -68,6 +68,13 @@ def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rover]:
         yield Rover(graph)
 
 
+@pytest.fixture
+def calibrated(rover: Rover) -> Rover:
+    rover.camera.wait_for_subscribers()
+    rover.answer(VIEW)
+    return rover
+
+
 def expected_mask(gravity: Gravity | None = None, **parameters: Any) -> np.ndarray:
     detector = Detector(VIEW.scene.camera, DetectorConfig(**parameters))
     return detector.detect(VIEW.left, VIEW.right, gravity=gravity).mask
@@ -85,118 +92,123 @@ def test_says_what_it_waits_for_without_calibration(rover: Rover) -> None:
     assert 'no calibration' in rover.diagnostics.message('calibration')
 
 
-def test_second_camera_with_another_calibration(rover: Rover) -> None:
-    rover.camera.wait_for_subscribers()
-
-    np.testing.assert_array_equal(rover.answer(VIEW), expected_mask())
+def test_second_camera_with_another_calibration(calibrated: Rover) -> None:
+    np.testing.assert_array_equal(calibrated.answer(VIEW), expected_mask())
 
     wider = WIDER.scene.camera
-    rover.camera.send_infos(wider, rover.next_stamp())
-    rover.graph.wait_for(lambda: 'camera: 240 x 180' in rover.process.output, rover.process)
-    expected = Detector(wider).detect(WIDER.left, WIDER.right).mask
-    np.testing.assert_array_equal(rover.answer(WIDER), expected)
-
-    rover.camera.send_infos(VIEW.scene.camera, rover.next_stamp())
-    rover.graph.wait_for(
-        lambda: rover.process.output.count('camera: 320 x 240') == 2, rover.process
+    calibrated.camera.send_infos(wider, calibrated.next_stamp())
+    calibrated.graph.wait_for(
+        lambda: 'camera: 240 x 180' in calibrated.process.output, calibrated.process
     )
-    np.testing.assert_array_equal(rover.answer(VIEW), expected_mask())
+    expected = Detector(wider).detect(WIDER.left, WIDER.right).mask
+    np.testing.assert_array_equal(calibrated.answer(WIDER), expected)
+
+    calibrated.camera.send_infos(VIEW.scene.camera, calibrated.next_stamp())
+    calibrated.graph.wait_for(
+        lambda: calibrated.process.output.count('camera: 320 x 240') == 2, calibrated.process
+    )
+    np.testing.assert_array_equal(calibrated.answer(VIEW), expected_mask())
 
 
-def test_16_bit_and_colour_images(rover: Rover) -> None:
+def test_16_bit_and_colour_images(calibrated: Rover) -> None:
     for array in (
         VIEW.left.astype(np.uint16) << 4,
         cv2.cvtColor(VIEW.left, cv2.COLOR_GRAY2BGR),
     ):
-        stamp = rover.next_stamp()
-        right = rover.camera.image(VIEW.right, stamp)
-        left = rover.camera.image(array, stamp)
-        rover.camera.send_images(left, right)
-        assert rover.wait_for_mask(stamp).shape == VIEW.scene.camera.shape
+        stamp = calibrated.next_stamp()
+        right = calibrated.camera.image(VIEW.right, stamp)
+        left = calibrated.camera.image(array, stamp)
+        calibrated.camera.send_images(left, right)
+        assert calibrated.wait_for_mask(stamp).shape == VIEW.scene.camera.shape
 
 
-def test_stamps_that_never_match_are_named_and_approximate_sync_mends_it(rover: Rover) -> None:
+def test_stamps_that_never_match_are_named_and_approximate_sync_mends_it(
+    calibrated: Rover,
+) -> None:
     def send_unequal() -> int:
-        stamp = rover.next_stamp()
-        left = rover.camera.image(VIEW.left, stamp)
-        right = rover.camera.image(VIEW.right, stamp + SECOND // 50)
-        rover.camera.send_images(left, right)
+        stamp = calibrated.next_stamp()
+        left = calibrated.camera.image(VIEW.left, stamp)
+        right = calibrated.camera.image(VIEW.right, stamp + SECOND // 50)
+        calibrated.camera.send_images(left, right)
         return stamp
 
     # Older pairs were exact, and the smallest gap is since the settings last changed.
-    rover.set(queue_size=4)
+    calibrated.set(queue_size=4)
 
     def named() -> Any:
         send_unequal()
         return re.search(
             r'WARN.*\d+ left, \d+ right, 0 pairs, smallest gap 20\.0 ms; try approximate_sync',
-            rover.process.output,
+            calibrated.process.output,
         )
 
-    rover.graph.wait_for(named, rover.process)
-    rover.graph.wait_for(
+    calibrated.graph.wait_for(named, calibrated.process)
+    calibrated.graph.wait_for(
         lambda: (
-            send_unequal() and 'try approximate_sync' in rover.diagnostics.message('stereo input')
+            send_unequal()
+            and 'try approximate_sync' in calibrated.diagnostics.message('stereo input')
         ),
-        rover.process,
+        calibrated.process,
     )
 
-    rover.set(approximate_sync=True, approximate_sync_tolerance_seconds=0.03)
+    calibrated.set(approximate_sync=True, approximate_sync_tolerance_seconds=0.03)
     # The first of two pairs may have to wait for the second, and then be dropped for it.
     sent = {send_unequal(), send_unequal()}
-    rover.graph.wait_for(lambda: sent & set(rover.mask.stamps_ns), rover.process)
-    (stamp, *_) = sent & set(rover.mask.stamps_ns)
-    np.testing.assert_array_equal(rover.wait_for_mask(stamp), expected_mask())
-    rover.set(approximate_sync=False)
+    calibrated.graph.wait_for(lambda: sent & set(calibrated.mask.stamps_ns), calibrated.process)
+    (stamp, *_) = sent & set(calibrated.mask.stamps_ns)
+    np.testing.assert_array_equal(calibrated.wait_for_mask(stamp), expected_mask())
+    calibrated.set(approximate_sync=False)
 
 
-def test_compressed_images(rover: Rover) -> None:
+def test_compressed_images(calibrated: Rover) -> None:
     from live_graph import message_type
 
-    rover.set(image_transport='compressed')
+    calibrated.set(image_transport='compressed')
     publishers = [
-        rover.graph.node.create_publisher(
+        calibrated.graph.node.create_publisher(
             message_type('sensor_msgs/msg/CompressedImage'),
             f'/stereo/{side}/image_rect/compressed',
             10,
         )
         for side in ('left', 'right')
     ]
-    rover.graph.wait_for(lambda: all(each.get_subscription_count() for each in publishers))
+    calibrated.graph.wait_for(lambda: all(each.get_subscription_count() for each in publishers))
 
-    stamp = rover.next_stamp()
+    stamp = calibrated.next_stamp()
     for publisher, array in zip(publishers, (VIEW.left, VIEW.right), strict=True):
         _, data = cv2.imencode('.png', array)
         publisher.publish(
-            rover.graph.factory.make(
+            calibrated.graph.factory.make(
                 'sensor_msgs/msg/CompressedImage',
-                header=make_header(stamp, FRAME, rover.graph.factory),
+                header=make_header(stamp, FRAME, calibrated.graph.factory),
                 format='png',
                 data=data.reshape(-1),
             )
         )
 
-    np.testing.assert_array_equal(rover.wait_for_mask(stamp), expected_mask())
-    rover.set(image_transport='raw')
-    rover.camera.wait_for_subscribers()
+    np.testing.assert_array_equal(calibrated.wait_for_mask(stamp), expected_mask())
+    calibrated.set(image_transport='raw')
+    calibrated.camera.wait_for_subscribers()
 
 
-def test_vertical_from_an_imu(rover: Rover) -> None:
+def test_vertical_from_an_imu(calibrated: Rover) -> None:
     from live_graph import message_type
 
-    rover.set(gravity_source='imu')
-    imu = rover.graph.node.create_publisher(message_type('sensor_msgs/msg/Imu'), '/stereo/imu', 10)
-    rover.graph.wait_for(imu.get_subscription_count)
-    rover.answer(VIEW)
+    calibrated.set(gravity_source='imu')
+    imu = calibrated.graph.node.create_publisher(
+        message_type('sensor_msgs/msg/Imu'), '/stereo/imu', 10
+    )
+    calibrated.graph.wait_for(imu.get_subscription_count)
+    calibrated.answer(VIEW)
     assert re.search(
         r'WARN.*/stereo/imu: no usable message within 200 ms.*gravity is estimated',
-        rover.process.output,
+        calibrated.process.output,
     )
 
     # So far off the truth that level ground is too steep: not to be mistaken for the estimate.
     up = Gravity.from_angles(46.0 - 25.0).up
-    stamp = rover.next_stamp()
-    factory = rover.graph.factory
+    stamp = calibrated.next_stamp()
+    factory = calibrated.graph.factory
     no_orientation = np.zeros(9)
     no_orientation[0] = -1
     imu.publish(
@@ -215,10 +227,10 @@ def test_vertical_from_an_imu(rover: Rover) -> None:
 
     def answered() -> bool:
         # The two topics are not ordered: the images may overtake the IMU.
-        rover.camera.send(VIEW.scene.camera, VIEW.left, VIEW.right, stamp)
+        calibrated.camera.send(VIEW.scene.camera, VIEW.left, VIEW.right, stamp)
         return any(
-            bytes(message.data) == expected.tobytes() for message in rover.mask.messages[-3:]
+            bytes(message.data) == expected.tobytes() for message in calibrated.mask.messages[-3:]
         )
 
-    rover.graph.wait_for(answered, rover.process)
-    rover.set(gravity_source='estimate')
+    calibrated.graph.wait_for(answered, calibrated.process)
+    calibrated.set(gravity_source='estimate')
