@@ -120,7 +120,6 @@ def test_node_rests_while_nobody_listens(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     'signals',
     [
-        (signal.SIGINT,),
         (signal.SIGINT, signal.SIGINT),
         (signal.SIGTERM,),
     ],
