@@ -51,13 +51,24 @@ def main() -> None:
     parser.add_argument(
         '--bags', type=Path, metavar='DIR', help='labelled bags instead of a suite'
     )
+    parser.add_argument(
+        '--method',
+        action='append',
+        choices=METHOD_DESCRIPTIONS,
+        dest='methods',
+        help='leave out all others; may be repeated (default: all that are installed)',
+    )
     arguments = parser.parse_args()
     bags = sorted(arguments.bags.iterdir()) if arguments.bags else rendered(arguments.suite)
     reporting = [bag for bag in bags if bag.name.startswith('report')]
     tuning = [bag for bag in bags if bag.name.startswith('tun')]
     if not reporting:
         parser.error('no scene is named report_*')
-    methods = installed_methods()
+    methods = [
+        name
+        for name in installed_methods()
+        if arguments.methods is None or name in arguments.methods
+    ]
     reported = evaluated(reporting, methods, curve=True)
     tuned = evaluated(tuning, methods, curve=False)
     sample = evaluated([SAMPLE], methods, curve=False)
