@@ -61,7 +61,7 @@ QUIET_M = 0.01
 NOISY_M = 0.03
 DROP_SURROUNDINGS_M = 1.8
 
-# Noise picks the highest of a rock's pixels: the peak measures a few per cent too tall.
+# Chosen, not derived: at 1.00 a 0.09 m rock on real gravel measured 0.10 m and was flagged.
 CORE_SHARE = 1.05
 NOISE_SHARE = 0.5
 FOOT_M = 0.03
