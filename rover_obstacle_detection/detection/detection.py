@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import IntFlag
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +21,17 @@ Product = NDArray[Any] | Callable[[], NDArray[Any]]
 
 OBSTACLE = 255
 FREE = 0
+
+
+class Cue(IntFlag):
+    """What made a pixel an obstacle; a pixel may have several, and outlines add pixels of none."""
+
+    HEIGHT = 1
+    SLOPE = 2
+    DROP = 4
+    REGION = 8
+    GREY_LEVEL = 16
+    ROUGHNESS_STEP = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +94,16 @@ class Detection:
     def height(self) -> NDArray[np.float32]:
         """Height above the local ground, metres; NaN where there is no 3D."""
         return self._product('height')
+
+    @cached_property
+    def height_noise(self) -> NDArray[np.float32]:
+        """Standard deviation of the height of a single pixel, metres; infinite without 3D."""
+        return self._product('height_noise')
+
+    @cached_property
+    def cues(self) -> NDArray[np.uint8]:
+        """What made each pixel an obstacle: the flags of `Cue`, 0 where nothing did."""
+        return self._product('cues')
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.clearance import grown_from_cores, small_parts
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection
+from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Cue, Detection
 from rover_obstacle_detection.detection.disparity import Penalties, penalties
 from rover_obstacle_detection.detection.elevation_map import (
     Grid,
@@ -133,20 +133,21 @@ def detect_hybrid(
     terrain = survey(stereo, camera, config)
     finished('local ground')
     rocks = exceeds_clearance(terrain, config)
-    obstacle = rocks | impassable_ground(terrain, stereo, camera, config)
+    steep, dropped = impassable_ground(terrain, stereo, camera, config)
+    cues = (
+        np.uint8(Cue.HEIGHT) * rocks + np.uint8(Cue.SLOPE) * steep + np.uint8(Cue.DROP) * dropped
+    )
     finished('height, slope, drop')
     segments = segment(pair[0], terrain, config)
     finished('segmentation')
-    by_region = complete_by_regions(rocks, terrain, segments, pair[0], config)
-    obstacle |= by_region
+    near_rock, dark = complete_by_regions(rocks, terrain, segments, pair[0], config)
+    cues += np.uint8(Cue.REGION) * near_rock + np.uint8(Cue.GREY_LEVEL) * dark
     finished('regions')
-    mask = draw_outlines(obstacle, terrain, pair[0], config)
+    mask = draw_outlines(cues > 0, terrain, pair[0], config)
     if rover_mask is not None:
         mask[rover_mask] = FREE
     finished('outlines')
-    return _detection(
-        stereo, terrain, segments, by_region, mask, rover_mask, pair[0], camera, config
-    )
+    return _detection(stereo, terrain, segments, cues, mask, rover_mask, pair[0], camera, config)
 
 
 def match_against_ground(
@@ -244,15 +245,19 @@ def exceeds_clearance(terrain: Terrain, config: DetectorConfig) -> NDArray[np.bo
 
 def impassable_ground(
     terrain: Terrain, stereo: Stereo, camera: StereoCamera, config: DetectorConfig
-) -> NDArray[np.bool_]:
-    """Find ground that is too steep at rover scale, or drops away."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Find ground that is too steep at rover scale, and ground that drops away."""
     cell_m = terrain.positions.cell_m
     relief_m = relief_at_rover_scale(terrain, stereo, camera)
-    cells = steep_cells(relief_m, cell_m, stereo.ground, config.max_slope)
-    cells |= dropped_cells(
+    steep = steep_cells(relief_m, cell_m, stereo.ground, config.max_slope)
+    dropped = dropped_cells(
         relief_m, terrain.seen_cells, cell_m, DROP_SURROUNDINGS_M, config.max_step
     )
-    return (sample_map(cells.astype(np.float32), terrain.positions) > 0.5) & terrain.judged
+    in_steep, in_dropped = (
+        (sample_map(cells.astype(np.float32), terrain.positions) > 0.5) & terrain.judged
+        for cells in (steep, dropped)
+    )
+    return in_steep, in_dropped
 
 
 def relief_at_rover_scale(terrain: Terrain, stereo: Stereo, camera: StereoCamera) -> Grid:
@@ -301,8 +306,8 @@ def complete_by_regions(
     segments: Segments,
     grey: NDArray[np.uint8],
     config: DetectorConfig,
-) -> NDArray[np.bool_]:
-    """Find the pixels that only their region makes an obstacle.
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Find the pixels that only their region makes an obstacle: near a rock, or dark.
 
     A pixel without 3D in a seed region goes with the nearest judged pixel, if that is of the same
     region. A region without 3D, though the right eye sees it, is judged by its grey level.
@@ -311,9 +316,8 @@ def complete_by_regions(
         terrain.judged, rocks, segments.regions, OPENING_M / 2 * terrain.pixels_per_metre
     )
     dark = dark_regions(grey[::2, ::2], segments.regions, segments.is_seed, config.dark_grey_level)
-    by_region = nearest & segments.is_seed[segments.regions]
-    by_region |= dark[segments.regions] & terrain.shared_view
-    return by_region & ~terrain.matched
+    near_rock = nearest & segments.is_seed[segments.regions] & ~terrain.matched
+    return near_rock, dark[segments.regions] & terrain.shared_view & ~terrain.matched
 
 
 def draw_outlines(
@@ -339,7 +343,7 @@ def _detection(
     stereo: Stereo,
     terrain: Terrain,
     segments: Segments,
-    by_region: NDArray[np.bool_],
+    cues: NDArray[np.uint8],
     mask: NDArray[np.uint8],
     rover_mask: NDArray[np.bool_] | None,
     grey: NDArray[np.uint8],
@@ -359,7 +363,7 @@ def _detection(
         return window_step(elevation_m, config.window_size)
 
     def known() -> NDArray[np.bool_]:
-        found = large(terrain.judged | by_region) | (mask == OBSTACLE)
+        found = large(terrain.judged | (cues > 0)) | (mask == OBSTACLE)
         return np.asarray(found if rover_mask is None else found & ~rover_mask)
 
     return Detection(
@@ -374,6 +378,8 @@ def _detection(
             'roughness': lambda: window_roughness(stereo.disparity, camera, config.window_size),
             'step': step,
             'height': height,
+            'height_noise': lambda: large(terrain.noise_m),
+            'cues': lambda: large(cues),
             'known': known,
             'mask': mask,
         },

@@ -10,14 +10,18 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection
+from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Cue, Detection
 from rover_obstacle_detection.detection.disparity import Penalties, penalties, plain_disparity
 from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.grey_level import dark_regions
 from rover_obstacle_detection.detection.ground_plane import estimate_ground
 from rover_obstacle_detection.detection.image import GreyPair
 from rover_obstacle_detection.detection.morphology import close_then_open
-from rover_obstacle_detection.detection.noise import WINDOW_NOISE_PX
+from rover_obstacle_detection.detection.noise import (
+    DISPARITY_NOISE_PX,
+    WINDOW_NOISE_PX,
+    height_noise_m,
+)
 from rover_obstacle_detection.detection.regions import seed_regions
 from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
@@ -87,10 +91,11 @@ def detect_as_study(
     finished('terrain')
     rough = exceeds_terrain_limits(roughness, step, disparity, elevation_m, config)
     dark = dark_regions(grey, regions, is_seed, config.dark_grey_level)
-    obstacle = (rough & is_seed[regions]) | dark[regions]
+    rough &= is_seed[regions]
+    cues = np.uint8(Cue.ROUGHNESS_STEP) * rough + np.uint8(Cue.GREY_LEVEL) * dark[regions]
     finished('decision')
     mask = close_then_open(
-        np.where(obstacle, OBSTACLE, FREE).astype(np.uint8),
+        np.where(cues, OBSTACLE, FREE).astype(np.uint8),
         config.morphology_size,
         config.morphology_iterations,
     )
@@ -112,6 +117,8 @@ def detect_as_study(
             'roughness': roughness,
             'step': step,
             'height': lambda: elevation_m + np.float32(ground.height_m),
+            'height_noise': lambda: height_noise_m(disparity, ground.height_m, DISPARITY_NOISE_PX),
+            'cues': cues,
             'known': known,
             'mask': mask,
         },
