@@ -172,15 +172,29 @@ def test_simulate_writes_one_scene(quick, tmp_path, capsys):
 
 
 def test_simulate_renders_a_suite_once(quick, tmp_path, capsys):
-    call = ['simulate', '--suite', 'standard', '--only', 'tune_vga_*']
+    suite = tmp_path / 'mine.yaml'
+    suite.write_text(
+        'scenes:\n'
+        '  - {name: tune_one, seed: 1, rig: vga}\n'
+        '  - {name: tune_two, seed: 2, rig: vga, conditions: [dunes]}\n'
+        '  - {name: report_one, seed: 3, rig: vga}\n'
+    )
+    call = ['simulate', '--suite', str(suite), '--only', 'tune_*']
     assert main(call) == 0
     cached = capsys.readouterr().out.splitlines()
-    assert len(cached) == len(quick) == 3
+    assert [scene.name for scene in quick] == ['tune_one', 'tune_two']
+    assert [line.rpartition('/')[2] for line in cached] == ['tune_one', 'tune_two']
     assert main([*call, '--output', str(tmp_path / 'o')]) == 0
-    assert len(quick) == 3
+    assert len(quick) == 2
     for line in capsys.readouterr().out.splitlines():
         with open_bag(tmp_path / 'o' / line.rpartition('/')[2]) as bag:
             assert bag.message_count('/stereo/left/image_rect') == 1
+
+
+def test_simulate_takes_the_standard_suite_by_its_name(quick, capsys):
+    assert main(['simulate', '--suite', 'standard', '--only', 'report_vga_noon']) == 0
+    assert [scene.name for scene in quick] == ['report_vga_noon']
+    assert capsys.readouterr().out.endswith('/report_vga_noon\n')
 
 
 def test_simulate_lists_what_there_is(capsys):

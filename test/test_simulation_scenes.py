@@ -97,7 +97,8 @@ def test_the_standard_suite_covers_conditions_and_rigs_and_keeps_its_halves_apar
     tuning = [scene for scene in scenes if scene.name.startswith('tune_')]
     reporting = [scene for scene in scenes if scene.name.startswith('report_')]
     assert len(tuning) + len(reporting) == len(scenes)
-    assert 22 <= len(scenes) <= 28
+    # The reported figures are comparable only while these stay; tuning scenes may be added.
+    assert len(reporting) == 16
     assert {scene.rig for scene in tuning} == {scene.rig for scene in reporting} == set(RIGS)
     assert {name for scene in scenes for name in scene.conditions} == set(PRESETS)
     assert len({scene.seed for scene in scenes}) == len(scenes)
