@@ -10,6 +10,7 @@ from synthetic import Box, mast, render
 from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.cue import Cue
 from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
 from rover_obstacle_detection.messages.header import make_header
@@ -41,6 +42,8 @@ def small_detection(camera=None, **products):
         'roughness': np.full(shape, 0.001, np.float32),
         'step': np.full(shape, 0.002, np.float32),
         'height': height,
+        'height_noise': np.full(shape, 0.01, np.float32),
+        'cues': (mask > 0).astype(np.uint8) * np.uint8(Cue.HEIGHT),
         'known': disparity > 0,
         'mask': mask,
         **products,

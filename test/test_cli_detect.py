@@ -54,12 +54,14 @@ def test_the_files_hold_what_the_detector_saw(files, capsys):
     assert listed['pixels'] == largest.pixels
     assert listed['range_m'] == pytest.approx(largest.range_m)
     assert listed['minimum_m'] == pytest.approx(largest.minimum_m)
+    assert listed['confidence'] == pytest.approx(largest.confidence)
     assert summary['camera']['fx'] == pytest.approx(CAMERA.fx)
     assert summary['stage_ms']
 
     table = capsys.readouterr().out
     assert f'{len(detection.obstacles)} obstacles' in table
     assert re.search(rf'{largest.range_m:.2f} │ +{largest.max_height_m:.2f} │', table)
+    assert re.search(rf'│ +{largest.confidence:.2f} │ +{largest.pixels} │', table)
     assert f'{largest.left} {largest.top} {largest.width} {largest.height}' in table
 
 

@@ -23,10 +23,14 @@ PRODUCTS = {
     'roughness': np.float32,
     'step': np.float32,
     'height': np.float32,
+    'height_noise': np.float32,
+    'cues': np.uint8,
+    'obstacle_numbers': np.int32,
+    'confidence': np.float32,
     'known': np.bool_,
     'mask': np.uint8,
 }
-CLOUDS = ('obstacle_points', 'ground_points')
+CLOUDS = {'obstacle_points': 5, 'ground_points': 4}
 
 both_methods = pytest.mark.parametrize('method', METHODS)
 
@@ -144,7 +148,7 @@ def pixel_of(points):
 def test_clouds_agree_with_the_mask_pixel_for_point(found, cloud, level):
     points = getattr(found, cloud)
     assert points.dtype == np.float32
-    assert points.shape[1:] == (4,)
+    assert points.shape[1:] == (CLOUDS[cloud],)
     assert np.isfinite(points).all()
     rows, columns = pixel_of(points)
     order = rows * SCENE.camera.width + columns
@@ -153,11 +157,12 @@ def test_clouds_agree_with_the_mask_pixel_for_point(found, cloud, level):
     has_point[rows, columns] = True
     judged = (found.disparity > 0) & np.isfinite(found.height)
     expected = (found.mask == level) & judged
-    if level == 0:
-        expected &= found.known
+    expected &= found.known
     np.testing.assert_array_equal(has_point, expected)
     np.testing.assert_array_equal(points[:, 3], found.height[rows, columns])
     np.testing.assert_array_equal(points[:, :3], found.points[rows, columns])
+    if cloud == 'obstacle_points':
+        np.testing.assert_array_equal(points[:, 4], found.confidence[rows, columns])
 
 
 @both_methods
@@ -263,7 +268,7 @@ def test_images_without_anything(method, level, gravity):
     for name in ('points', 'roughness', 'step', 'height'):
         assert np.isnan(getattr(found, name)).all()
     for cloud in CLOUDS:
-        assert getattr(found, cloud).shape == (0, 4)
+        assert getattr(found, cloud).shape == (0, CLOUDS[cloud])
     # Nothing but its darkness can make such a region an obstacle.
     if level >= DetectorConfig().dark_grey_level:
         assert not found.mask.any()

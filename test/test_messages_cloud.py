@@ -27,6 +27,17 @@ def test_the_bytes_are_what_every_consumer_walks_through():
     assert message.header.frame_id == 'left_optical'
 
 
+def test_obstacles_have_their_confidence_after_their_height():
+    points = np.column_stack((POINTS, np.float32([0.5, 0.25, 1])))
+    message = encode_cloud(points, HEADER, FACTORY)
+    expected = b''.join(struct.pack('<5f', *point) for point in points)
+    assert message.data.tobytes() == expected
+    assert (message.point_step, message.row_step) == (20, 60)
+    fields = [(each.name, each.offset, each.datatype) for each in message.fields]
+    assert fields[3:] == [('height', 12, 7), ('confidence', 16, 7)]
+    np.testing.assert_array_equal(decode_cloud(message), points)
+
+
 @pytest.mark.parametrize('count', [0, 1, 3])
 def test_a_cloud_survives_serialisation(count):
     points = np.repeat(POINTS, 2, axis=0)[::2][:count]

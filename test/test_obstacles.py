@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.obstacles import find_obstacles
+from rover_obstacle_detection.detection.obstacles import describe_obstacles, number_obstacles
 
 
 def scene():
@@ -14,6 +14,12 @@ def scene():
     points = np.stack((columns / 10, rows / 10, np.full_like(columns, 2)), axis=-1)
     mask = np.zeros((20, 30), np.uint8)
     return mask, points.astype(np.float32), np.full((20, 30), 0.2, np.float32)
+
+
+def find_obstacles(mask, points, height_m):
+    numbered = number_obstacles(mask)
+    confidence = np.linspace(0.9, 0.1, len(numbered.boxes), dtype=np.float32)
+    return describe_obstacles(numbered, points, height_m, confidence)
 
 
 def test_nothing_in_an_empty_mask():
@@ -97,3 +103,26 @@ def test_order_of_equals_does_not_change():
     mask[2, 2] = mask[2, 12] = mask[12, 7] = 255
     found = find_obstacles(mask, points, height)
     assert [(each.left, each.top) for each in found] == [(2, 2), (12, 2), (7, 12)]
+
+
+def test_pixels_bear_the_number_of_their_obstacle_the_largest_first():
+    mask = np.zeros((6, 8), np.uint8)
+    mask[0, 0] = 255
+    mask[3:6, 2:6] = 255
+    mask[0, 6:8] = 255
+    numbered = number_obstacles(mask)
+    expected = np.zeros((6, 8), int)
+    expected[3:6, 2:6], expected[0, 6:8], expected[0, 0] = 1, 2, 3
+    np.testing.assert_array_equal(numbered.image, expected)
+    np.testing.assert_array_equal(
+        numbered.boxes, [[2, 3, 4, 3, 12], [6, 0, 2, 1, 2], [0, 0, 1, 1, 1]]
+    )
+
+
+def test_each_obstacle_has_its_own_confidence():
+    mask, points, height = scene()
+    mask[1, 1] = 255
+    mask[5:9, 5:9] = 255
+    confidence = np.array([0.75, 0.25], np.float32)
+    found = describe_obstacles(number_obstacles(mask), points, height, confidence)
+    assert [(each.pixels, each.confidence) for each in found] == [(16, 0.75), (1, 0.25)]

@@ -117,7 +117,7 @@ def test_an_image_of_16_bit_is_replaced_by_the_detections_own_grey_image():
 
 def _obstacle(max_height_m, range_m):
     nowhere = (0.0, 0.0, 0.0)
-    return Obstacle(0, 0, 5, 5, 25, nowhere, nowhere, max_height_m, range_m)
+    return Obstacle(0, 0, 5, 5, 25, nowhere, nowhere, max_height_m, range_m, 0.9)
 
 
 @pytest.mark.parametrize(
@@ -141,6 +141,9 @@ def _large_detection(mask):
         grey=np.full(shape, 200, np.uint8),
         disparity=np.full(shape, 5.0, np.float32),
         height=np.full(shape, 0.3, np.float32),
+        height_noise=np.full(shape, 0.01, np.float32),
+        cues=(mask > 0).astype(np.uint8),
+        regions=np.ones(shape, np.int32),
         known=np.ones(shape, bool),
         camera=StereoCamera(shape[1], shape[0], 600.0, 600.0, 319.5, 239.5, 0.1),
     )

@@ -4,7 +4,7 @@ from rover_obstacle_detection.offline.ply import write_ply
 
 
 def test_both_clouds_come_back_with_their_flag_and_colour(tmp_path):
-    obstacles = np.array([[1, 2, 3, 0.2], [4, 5, 6, 0.3]], np.float32)
+    obstacles = np.array([[1, 2, 3, 0.2, 0.9], [4, 5, 6, 0.3, 0.7]], np.float32)
     ground = np.array([[7, 8, 9, 0.0]], np.float32)
     write_ply(tmp_path / 'points.ply', obstacles, ground)
     header, data = (tmp_path / 'points.ply').read_bytes().split(b'end_header\n')
@@ -15,14 +15,15 @@ def test_both_clouds_come_back_with_their_flag_and_colour(tmp_path):
     fields = [line.split()[1:] for line in lines if line.startswith('property')]
     vertices = np.frombuffer(data, [(name, types[kind]) for kind, name in fields])
     points = np.column_stack([vertices[name] for name in ('x', 'y', 'z', 'height')])
-    assert np.array_equal(points, np.vstack((obstacles, ground)))
+    assert np.array_equal(points, np.vstack((obstacles[:, :4], ground)))
+    assert vertices['confidence'].tolist() == np.float32([0.9, 0.7, 0]).tolist()
     assert vertices['obstacle'].tolist() == [1, 1, 0]
     assert vertices['red'][0] > vertices['green'][0]
 
 
 def test_no_points_at_all_is_a_file_without_vertices(tmp_path):
-    nothing = np.zeros((0, 4), np.float32)
-    write_ply(tmp_path / 'points.ply', nothing, nothing)
+    obstacles, ground = np.zeros((0, 5), np.float32), np.zeros((0, 4), np.float32)
+    write_ply(tmp_path / 'points.ply', obstacles, ground)
     content = (tmp_path / 'points.ply').read_bytes()
     assert b'element vertex 0' in content
     assert content.endswith(b'end_header\n')

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntFlag
 from functools import cached_property
 from typing import Any
 
@@ -12,26 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.confidence import (
+    ObstacleEvidence,
+    confidence,
+    measure_evidence,
+)
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.cue import Cue as Cue
 from rover_obstacle_detection.detection.gravity import GroundPlane
-from rover_obstacle_detection.detection.obstacles import Obstacle, find_obstacles
+from rover_obstacle_detection.detection.obstacles import (
+    NumberedObstacles,
+    Obstacle,
+    describe_obstacles,
+    number_obstacles,
+)
 from rover_obstacle_detection.detection.reprojection import reproject
 
 Product = NDArray[Any] | Callable[[], NDArray[Any]]
 
 OBSTACLE = 255
 FREE = 0
-
-
-class Cue(IntFlag):
-    """What made a pixel an obstacle; a pixel may have several, and outlines add pixels of none."""
-
-    HEIGHT = 1
-    SLOPE = 2
-    DROP = 4
-    REGION = 8
-    GREY_LEVEL = 16
-    ROUGHNESS_STEP = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,26 +115,61 @@ class Detection:
         return self._product('mask')
 
     @cached_property
+    def obstacle_numbers(self) -> NDArray[np.int32]:
+        """Number of each pixel's obstacle: ``obstacles[0]`` is number 1; 0 where there is none."""
+        return _frozen(self._numbered.image)
+
+    @cached_property
+    def evidence(self) -> ObstacleEvidence:
+        """What speaks for each of the obstacles, in their order."""
+        return measure_evidence(
+            self.obstacle_numbers,
+            points=self.points,
+            height_m=self.height,
+            noise_m=self.height_noise,
+            cues=self.cues,
+            regions=self.regions,
+            max_step_m=self.config.max_step,
+            window_px=self.config.correlation_window_size,
+        )
+
+    @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """The connected obstacles, each with its box in the image and in space."""
-        return find_obstacles(self.mask, self.points, self.height)
+        """The connected obstacles, each with its box in the image and in space, largest first."""
+        return describe_obstacles(self._numbered, self.points, self.height, self._confidences)
+
+    @cached_property
+    def confidence(self) -> NDArray[np.float32]:
+        """How sure it is that a pixel's obstacle is one, 0 to 1; 0 where there is no obstacle."""
+        return _frozen(np.append(np.float32(0), self._confidences)[self.obstacle_numbers])
 
     @cached_property
     def obstacle_points(self) -> NDArray[np.float32]:
         """Points on obstacles, one per obstacle pixel with 3D, row by row.
 
-        Shape (n, 4): x, y, z in the left optical frame and height above the local ground, metres.
+        Shape (n, 5): x, y, z in the left optical frame and height above the local ground, metres;
+        confidence.
         """
-        return self._cloud(self.mask == OBSTACLE)
+        return self._cloud(self.mask == OBSTACLE, self.confidence)
 
     @cached_property
     def ground_points(self) -> NDArray[np.float32]:
-        """Points on free ground, as `obstacle_points`; unknown pixels are in neither."""
-        return self._cloud((self.mask == FREE) & self.known)
+        """Points on free ground, row by row, shape (n, 4): as `obstacle_points`, less the last."""
+        return self._cloud(self.mask == FREE)
 
-    def _cloud(self, where: NDArray[np.bool_]) -> NDArray[np.float32]:
-        where = where & (self.disparity > 0) & np.isfinite(self.height)
-        return _frozen(np.column_stack((self.points[where], self.height[where])))
+    @cached_property
+    def _numbered(self) -> NumberedObstacles:
+        return number_obstacles(self.mask)
+
+    @cached_property
+    def _confidences(self) -> NDArray[np.float32]:
+        return confidence(self.evidence, self.config.method)
+
+    def _cloud(self, where: NDArray[np.bool_], *more: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Collect points and heights of judged pixels: unknown is neither obstacle nor free."""
+        where = where & self.known & (self.disparity > 0) & np.isfinite(self.height)
+        columns = [each[where] for each in (self.points, self.height, *more)]
+        return _frozen(np.column_stack(columns))
 
     def _product(self, name: str) -> NDArray[Any]:
         product = self.products[name]

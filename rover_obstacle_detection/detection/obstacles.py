@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -28,6 +27,8 @@ class Obstacle:
         Greatest height above the local ground, metres; NaN without 3D.
     range_m : float
         Distance of its nearest part from the left eye, metres; NaN without 3D.
+    confidence : float
+        How sure it is that this is an obstacle, 0 to 1.
 
     Notes
     -----
@@ -44,37 +45,70 @@ class Obstacle:
     maximum_m: tuple[float, float, float]
     max_height_m: float
     range_m: float
+    confidence: float
 
 
-def find_obstacles(
-    mask: NDArray[np.uint8],
-    points: NDArray[np.float32],
-    height_m: NDArray[np.float32],
-) -> tuple[Obstacle, ...]:
-    """List the 8-connected obstacles of a mask, largest first.
+@dataclass(frozen=True, eq=False)
+class NumberedObstacles:
+    """The connected obstacles of a mask, largest first.
+
+    Parameters
+    ----------
+    image : ndarray of int32, shape (height, width)
+        Number of each pixel's obstacle, 1 and up; 0 where there is none.
+    boxes : ndarray of int32, shape (n, 5)
+        Left, top, width, height and pixels of each.
+    """
+
+    image: NDArray[np.int32]
+    boxes: NDArray[np.int32]
+
+
+def number_obstacles(mask: NDArray[np.uint8]) -> NumberedObstacles:
+    """Give each 8-connected obstacle of a mask a number.
 
     Parameters
     ----------
     mask : ndarray of uint8, shape (height, width)
         Not zero on obstacles.
+    """
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    order = np.argsort(-boxes[1:, cv2.CC_STAT_AREA], kind='stable') + 1
+    numbers = np.zeros(len(boxes), np.int32)
+    numbers[order] = np.arange(1, len(boxes))
+    return NumberedObstacles(numbers[labels], np.asarray(boxes[order], np.int32))
+
+
+def describe_obstacles(
+    numbered: NumberedObstacles,
+    points: NDArray[np.float32],
+    height_m: NDArray[np.float32],
+    confidence: NDArray[np.float32],
+) -> tuple[Obstacle, ...]:
+    """Measure numbered obstacles.
+
+    Parameters
+    ----------
+    numbered : NumberedObstacles
     points : ndarray of float32, shape (height, width, 3)
         Metres, NaN where none.
     height_m : ndarray of float32, shape (height, width)
         Above the local ground; NaN where none.
+    confidence : ndarray of float32, shape (n,)
     """
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    found = [
-        _measure(number, boxes[number], labels, points, height_m) for number in range(1, count)
-    ]
-    return tuple(sorted(found, key=lambda obstacle: -obstacle.pixels))
+    return tuple(
+        _measure(number, box, numbered.image, points, height_m, float(sure))
+        for number, (box, sure) in enumerate(zip(numbered.boxes, confidence, strict=True), start=1)
+    )
 
 
 def _measure(
     number: int,
     box: NDArray[np.int32],
-    labels: NDArray[Any],
+    labels: NDArray[np.int32],
     points: NDArray[np.float32],
     height_m: NDArray[np.float32],
+    confidence: float,
 ) -> Obstacle:
     left, top, width, height, pixels = (int(value) for value in box)
     window = np.s_[top : top + height, left : left + width]
@@ -84,7 +118,9 @@ def _measure(
     own = points[window][inside]
     if not len(own):
         nowhere = (np.nan, np.nan, np.nan)
-        return Obstacle(left, top, width, height, pixels, nowhere, nowhere, np.nan, np.nan)
+        return Obstacle(
+            left, top, width, height, pixels, nowhere, nowhere, np.nan, np.nan, confidence
+        )
     low, high = np.quantile(own, (_TAIL, 1 - _TAIL), axis=0)
     return Obstacle(
         left=left,
@@ -96,6 +132,7 @@ def _measure(
         maximum_m=_corner(high),
         max_height_m=float(np.quantile(height_m[window][inside], 1 - _TAIL)),
         range_m=float(np.quantile(np.linalg.norm(own, axis=1), _TAIL)),
+        confidence=confidence,
     )
 
 

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.messages.factory import MessageFactory
 
-FIELDS = ('x', 'y', 'z', 'height')
+FIELDS = ('x', 'y', 'z', 'height', 'confidence')
+"""Names of the fields, in order; a cloud may do without the last."""
+
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 
 
@@ -18,19 +20,20 @@ def encode_cloud(points: NDArray[np.float32], header: Any, factory: MessageFacto
 
     Parameters
     ----------
-    points : ndarray of float32, shape (n, 4)
-        x, y, z and height, metres, all finite: Nav2 walks the data by ``point_step`` and does not
-        guard against NaN. ``n`` may be 0.
+    points : ndarray of float32, shape (n, 4) or (n, 5)
+        x, y, z and height, metres, and confidence, all finite: Nav2 walks the data by
+        ``point_step`` and does not guard against NaN. ``n`` may be 0.
     header : std_msgs/Header
     factory : MessageFactory
     """
     packed = np.ascontiguousarray(points, '<f4')
-    point_step = 4 * len(FIELDS)
+    names = FIELDS[: points.shape[1]]
+    point_step = 4 * len(names)
     fields = [
         factory.make(
             'sensor_msgs/msg/PointField', name=name, offset=4 * index, datatype=_FLOAT32, count=1
         )
-        for index, name in enumerate(FIELDS)
+        for index, name in enumerate(names)
     ]
     return factory.make(
         'sensor_msgs/msg/PointCloud2',

@@ -13,6 +13,7 @@ _VERTEX = np.dtype(
         ('y', '<f4'),
         ('z', '<f4'),
         ('height', '<f4'),
+        ('confidence', '<f4'),
         ('red', 'u1'),
         ('green', 'u1'),
         ('blue', 'u1'),
@@ -32,8 +33,10 @@ def write_ply(
     Parameters
     ----------
     path : Path
-    obstacle_points, ground_points : ndarray of float32, shape (n, 4)
-        x, y, z in the left optical frame and height above the local ground, metres.
+    obstacle_points : ndarray of float32, shape (n, 5)
+        x, y, z in the left optical frame and height above the local ground, metres; confidence.
+    ground_points : ndarray of float32, shape (m, 4)
+        The same without the confidence, which the file gives as 0.
     """
     clouds = (
         (obstacle_points, _OBSTACLE_COLOUR, 1),
@@ -58,8 +61,8 @@ def _vertices(
     points: NDArray[np.float32], colour: tuple[int, int, int], obstacle: int
 ) -> NDArray[np.void]:
     vertices = np.zeros(len(points), _VERTEX)
-    for index, name in enumerate(('x', 'y', 'z', 'height')):
-        vertices[name] = points[:, index]
+    for name, column in zip(_VERTEX.names or (), points.T, strict=False):
+        vertices[name] = column
     for name, value in zip(('red', 'green', 'blue'), colour, strict=True):
         vertices[name] = value
     vertices['obstacle'] = obstacle

@@ -188,7 +188,7 @@ def preamble(command: str, config: DetectorConfig) -> dict[str, Any]:
 
 
 def obstacle_json(obstacle: Obstacle) -> dict[str, Any]:
-    """Return an obstacle's numbers: its box in pixels and in metres, height and distance."""
+    """Return an obstacle's numbers: boxes in pixels and metres, height, distance, confidence."""
     return _finite(dataclasses.asdict(obstacle))
 
 

@@ -42,7 +42,16 @@ def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
 def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
     """Tabulate single obstacles, the nearest first."""
     table = Table(title=f'{len(obstacles)} obstacles', title_justify='left')
-    for name in ('#', 'range m', 'height m', 'width m', 'depth m', 'pixels', 'box x y w h'):
+    for name in (
+        '#',
+        'range m',
+        'height m',
+        'width m',
+        'depth m',
+        'sure',
+        'pixels',
+        'box x y w h',
+    ):
         table.add_column(name, justify='right')
     nearest_first = sorted(
         obstacles, key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf
@@ -54,6 +63,7 @@ def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
             _metres(each.max_height_m),
             _metres(each.maximum_m[0] - each.minimum_m[0]),
             _metres(each.maximum_m[2] - each.minimum_m[2]),
+            f'{each.confidence:.2f}',
             str(each.pixels),
             f'{each.left} {each.top} {each.width} {each.height}',
         )
