@@ -134,10 +134,17 @@ def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
     if not math.isfinite(obstacle.range_m):
         return 'no 3D'
     distance = f'@ {obstacle.range_m:.1f} m'
-    # What lies this low is flagged for its slope or its depth: a height would mislead.
-    if not obstacle.max_height_m >= max_step_m / 2:
+    if not is_tall(obstacle, max_step_m):
         return distance
     return f'{100 * obstacle.max_height_m:.0f} cm {distance}'
+
+
+def is_tall(obstacle: Obstacle, max_step_m: float) -> bool:
+    """Tell whether an obstacle is one for its height.
+
+    What lies low is flagged for its slope or its depth: a height would mislead.
+    """
+    return obstacle.max_height_m >= max_step_m / 2
 
 
 def _as_bgr(image: NDArray[Any]) -> Picture:

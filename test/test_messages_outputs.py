@@ -25,7 +25,7 @@ SHAPE = (24, 32)
 CAMERA = StereoCamera(width=32, height=24, fx=40, fy=40, cx=15.5, cy=11.5, baseline_m=0.1)
 
 
-def detection(disparity=None, mask=None):
+def detection(disparity=None, mask=None, known=None):
     """Build a wall at 0.8 m, with a hole in its matches, and one obstacle on it."""
     if disparity is None:
         disparity = np.full(SHAPE, 5, np.float32)
@@ -46,7 +46,9 @@ def detection(disparity=None, mask=None):
             'roughness': np.full(SHAPE, 0.01, np.float32),
             'step': np.full(SHAPE, 0.02, np.float32),
             'height': np.where(disparity > 0, rows / 100, np.nan).astype(np.float32),
-            'known': disparity > 0,
+            'height_noise': np.full(SHAPE, 0.02, np.float32),
+            'cues': (mask > 0).astype(np.uint8),
+            'known': disparity > 0 if known is None else known,
             'mask': mask,
         },
     )
@@ -68,6 +70,7 @@ def test_the_table_has_the_topics_of_the_node():
         'disparity': 'stereo_msgs/msg/DisparityImage',
         'obstacle_markers': 'visualization_msgs/msg/MarkerArray',
         'detection_image': 'sensor_msgs/msg/Image',
+        'debug/known': 'sensor_msgs/msg/Image',
         'debug/regions': 'sensor_msgs/msg/Image',
         'debug/seeds': 'sensor_msgs/msg/Image',
         'debug/roughness_step': 'sensor_msgs/msg/Image',
@@ -98,6 +101,42 @@ def test_mask_and_clouds_agree_pixel_for_point():
         np.testing.assert_array_equal(cloud[:, :3], seen.points[where])
         np.testing.assert_array_equal(cloud[:, 3], seen.height[where])
         assert np.isfinite(cloud).all()
+        if name == 'obstacle_points':
+            np.testing.assert_array_equal(cloud[:, 4], np.float32(seen.obstacles[0].confidence))
+
+
+def test_clouds_name_their_fields():
+    seen = detection()
+    names = {
+        name: [field.name for field in encode(name, seen).fields]
+        for name in ('obstacle_points', 'ground_points')
+    }
+    assert names == {
+        'obstacle_points': ['x', 'y', 'z', 'height', 'confidence'],
+        'ground_points': ['x', 'y', 'z', 'height'],
+    }
+
+
+def test_known_pixels_are_told_from_unknown_ones():
+    seen = detection()
+    message = encode('debug/known', seen)
+    assert (message.encoding, message.width, message.height) == ('mono8', 32, 24)
+    assert bytes(message.data) == bytes(np.where(seen.known, 255, 0).astype(np.uint8))
+    assert 0 < np.count_nonzero(message.data) < message.data.size
+
+
+def test_unknown_pixels_are_in_neither_cloud():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[10:14, 10:20] = 255
+    known = np.ones(SHAPE, bool)
+    known[:, 15:] = False
+    seen = detection(mask=mask, known=known)
+    for name, where in (
+        ('obstacle_points', (mask == 255) & known & (seen.disparity > 0)),
+        ('ground_points', (mask == 0) & known & (seen.disparity > 0)),
+    ):
+        cloud = decode_cloud(encode(name, seen))
+        np.testing.assert_array_equal(cloud[:, :3], seen.points[where])
 
 
 def test_the_disparity_image_gives_depth_by_its_own_formula():
@@ -116,8 +155,8 @@ def test_the_disparity_image_gives_depth_by_its_own_formula():
 
 def test_each_obstacle_is_a_box_around_its_points():
     seen = detection()
-    clear, box = encode('obstacle_markers', seen).markers
-    assert clear.action == 3
+    clear, box, _ = encode('obstacle_markers', seen).markers
+    assert (clear.action, clear.ns) == (3, '')
     points = decode_cloud(encode('obstacle_points', seen))[:, :3]
     centre = np.array([getattr(box.pose.position, axis) for axis in 'xyz'])
     size = np.array([getattr(box.scale, axis) for axis in 'xyz'])
@@ -127,15 +166,48 @@ def test_each_obstacle_is_a_box_around_its_points():
     assert centre[2] == pytest.approx(0.8)
     assert size[2] == pytest.approx(0.01)
     assert box.pose.orientation.w == 1
-    assert box.color.a > 0
+    assert box.color.a == pytest.approx(0.1 + 0.5 * seen.obstacles[0].confidence)
 
 
-def test_an_obstacle_without_3d_has_no_box():
+def test_each_box_says_above_it_how_sure_and_how_high_the_obstacle_is():
+    seen = detection()
+    _, box, label = encode('obstacle_markers', seen).markers
+    (obstacle,) = seen.obstacles
+    assert (label.type, label.action, label.ns, label.id) == (9, 0, 'labels', 0)
+    assert label.text == f'{obstacle.confidence:.2f}  0.13 m'
+    assert label.scale.z > 0.02
+    assert label.color.a == 1
+    assert label.pose.position.x == box.pose.position.x
+    assert label.pose.position.z == box.pose.position.z
+    top = box.pose.position.y - box.scale.y / 2
+    assert label.pose.position.y + label.scale.z / 2 < top < label.pose.position.y + 0.2
+
+
+def test_a_low_obstacle_has_a_label_without_its_height():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[4, 10:20] = 255
+    (obstacle,) = detection(mask=mask).obstacles
+    label = encode('obstacle_markers', detection(mask=mask)).markers[2]
+    assert label.text == f'{obstacle.confidence:.2f}'
+
+
+def test_the_surer_an_obstacle_the_more_solid_its_box():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[6:8, 8:10] = 255
+    mask[14:23, 8:24] = 255
+    seen = detection(mask=mask)
+    large, small = seen.obstacles
+    boxes = encode('obstacle_markers', seen).markers[1:3]
+    assert large.confidence > small.confidence
+    assert boxes[0].color.a > boxes[1].color.a > 0
+
+
+def test_an_obstacle_without_3d_has_neither_box_nor_label():
     seen = detection()
     mask = seen.mask.copy()
     mask[0:2, 0:2] = 255
     assert len(detection(mask=mask).obstacles) == 2
-    assert len(encode('obstacle_markers', detection(mask=mask)).markers) == 2
+    assert len(encode('obstacle_markers', detection(mask=mask)).markers) == 3
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A detection's obstacles as boxes: ``visualization_msgs/MarkerArray``."""
+"""A detection's obstacles as boxes and labels: ``visualization_msgs/MarkerArray``."""
 
 from __future__ import annotations
 
@@ -8,21 +8,33 @@ from typing import Any
 from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.obstacles import Obstacle
 from rover_obstacle_detection.messages.factory import MessageFactory
+from rover_obstacle_detection.pictures import is_tall
+
+BOXES = 'obstacles'
+LABELS = 'labels'
+"""Namespaces, which RViz and Foxglove show and hide one by one."""
 
 # visualization_msgs/Marker
 _CUBE = 1
+_TEXT_VIEW_FACING = 9
 _ADD = 0
 _DELETEALL = 3
 
-_COLOUR = {'r': 0.94, 'g': 0.06, 'b': 0.19, 'a': 0.5}
+_BOX_COLOUR = {'r': 0.94, 'g': 0.06, 'b': 0.19}
+_LABEL_COLOUR = {'r': 1.0, 'g': 1.0, 'b': 1.0, 'a': 1.0}
+# A doubtful box should still be seen, and a sure one not hide its points.
+_LEAST_ALPHA, _MOST_ALPHA = 0.1, 0.6
 # RViz refuses a box without extent.
 _MIN_EXTENT_M = 0.01
+_LETTER_M = 0.06
 
 
 def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-    """Make a ``visualization_msgs/MarkerArray``: the former boxes go, one box per obstacle comes.
+    """Make a ``visualization_msgs/MarkerArray``: the former ones go, two per obstacle come.
 
-    Obstacles without 3D, which have no place in space, have no box.
+    They are a box, the more solid the surer, and above it the confidence and the height above
+    the ground, such as ``0.93  0.31 m``; the confidence alone where the height is not what makes
+    it an obstacle. Obstacles without 3D, which have no place in space, have neither.
 
     Parameters
     ----------
@@ -36,29 +48,70 @@ def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -
         action=_DELETEALL,
         pose=_upright({}, factory),
     )
-    boxes = [
-        _box(number, obstacle, header, factory)
+    placed = [
+        (number, obstacle)
         for number, obstacle in enumerate(detection.obstacles)
         if all(map(math.isfinite, (*obstacle.minimum_m, *obstacle.maximum_m)))
     ]
-    return factory.make('visualization_msgs/msg/MarkerArray', markers=[clear, *boxes])
+    boxes = [_box(number, obstacle, header, factory) for number, obstacle in placed]
+    labels = [_label(number, obstacle, detection, header, factory) for number, obstacle in placed]
+    return factory.make('visualization_msgs/msg/MarkerArray', markers=[clear, *boxes, *labels])
 
 
 def _box(number: int, obstacle: Obstacle, header: Any, factory: MessageFactory) -> Any:
-    corners = list(zip('xyz', obstacle.minimum_m, obstacle.maximum_m, strict=True))
-    centre = {axis: (low + high) / 2 for axis, low, high in corners}
+    corners = zip('xyz', obstacle.minimum_m, obstacle.maximum_m, strict=True)
     extent = {axis: max(high - low, _MIN_EXTENT_M) for axis, low, high in corners}
+    alpha = _LEAST_ALPHA + obstacle.confidence * (_MOST_ALPHA - _LEAST_ALPHA)
     return factory.make(
         'visualization_msgs/msg/Marker',
         header=header,
-        ns='obstacles',
+        ns=BOXES,
         id=number,
         type=_CUBE,
         action=_ADD,
-        pose=_upright(centre, factory),
+        pose=_upright(_centre(obstacle), factory),
         scale=factory.make('geometry_msgs/msg/Vector3', **extent),
-        color=factory.make('std_msgs/msg/ColorRGBA', **_COLOUR),
+        color=factory.make('std_msgs/msg/ColorRGBA', **_BOX_COLOUR, a=alpha),
     )
+
+
+def _label(
+    number: int,
+    obstacle: Obstacle,
+    detection: Detection,
+    header: Any,
+    factory: MessageFactory,
+) -> Any:
+    up = detection.ground.up
+    halves = [
+        (high - low) / 2 for low, high in zip(obstacle.minimum_m, obstacle.maximum_m, strict=True)
+    ]
+    # From the centre up to the top of the box, and the text's own height over it.
+    rise_m = sum(abs(part) * half for part, half in zip(up, halves, strict=True)) + _LETTER_M
+    position = {
+        axis: value + rise_m * part
+        for (axis, value), part in zip(_centre(obstacle).items(), up, strict=True)
+    }
+    text = f'{obstacle.confidence:.2f}'
+    if is_tall(obstacle, detection.config.max_step):
+        text += f'  {obstacle.max_height_m:.2f} m'
+    return factory.make(
+        'visualization_msgs/msg/Marker',
+        header=header,
+        ns=LABELS,
+        id=number,
+        type=_TEXT_VIEW_FACING,
+        action=_ADD,
+        pose=_upright(position, factory),
+        scale=factory.make('geometry_msgs/msg/Vector3', x=0.0, y=0.0, z=_LETTER_M),
+        color=factory.make('std_msgs/msg/ColorRGBA', **_LABEL_COLOUR),
+        text=text,
+    )
+
+
+def _centre(obstacle: Obstacle) -> dict[str, float]:
+    corners = zip('xyz', obstacle.minimum_m, obstacle.maximum_m, strict=True)
+    return {axis: (low + high) / 2 for axis, low, high in corners}
 
 
 def _upright(position: dict[str, float], factory: MessageFactory) -> Any:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.messages.cloud import encode_cloud
 from rover_obstacle_detection.messages.disparity import encode_disparity
@@ -19,6 +21,8 @@ from rover_obstacle_detection.pictures import (
     roughness_step_picture,
     seeds_picture,
 )
+
+KNOWN = 255
 
 Encode = Callable[[Detection, Any, MessageFactory], Any]
 
@@ -51,6 +55,11 @@ def _ground_points(detection: Detection, header: Any, factory: MessageFactory) -
     return encode_cloud(detection.ground_points, header, factory)
 
 
+def _known(detection: Detection, header: Any, factory: MessageFactory) -> Any:
+    known = detection.known.astype(np.uint8) * np.uint8(KNOWN)
+    return encode_image(known, 'mono8', header, factory)
+
+
 def _picture(draw: Callable[[Detection], Picture]) -> Output:
     def encode(detection: Detection, header: Any, factory: MessageFactory) -> Any:
         return encode_image(draw(detection), 'bgr8', header, factory)
@@ -65,6 +74,7 @@ OUTPUTS: Mapping[str, Output] = {
     'disparity': Output('stereo_msgs/msg/DisparityImage', encode_disparity),
     'obstacle_markers': Output('visualization_msgs/msg/MarkerArray', encode_markers),
     'detection_image': _picture(overlay_picture),
+    'debug/known': Output('sensor_msgs/msg/Image', _known),
     'debug/regions': _picture(regions_picture),
     'debug/seeds': _picture(seeds_picture),
     'debug/roughness_step': _picture(roughness_step_picture),
