@@ -46,7 +46,9 @@ setup(
         ],
         'sim': ['mitsuba>=3.6'],
         'report': ['jinja2>=3', 'matplotlib>=3.6'],
+        'data': ['scikit-image>=0.22'],
         'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],
+        'tune': ['optuna>=4'],
         'test': [
             'hypothesis>=6',
             'mcap-ros2-support>=0.5.3',

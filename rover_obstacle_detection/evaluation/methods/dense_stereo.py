@@ -65,11 +65,31 @@ def match_densely(
     camera: StereoCamera, left: NDArray[Any], right: NDArray[Any], config: DetectorConfig
 ) -> DenseScene:
     """Match a pair with SGBM over the disparities that it holds, and fit the ground plane."""
-    grey_left, grey_right = grey_pair(left, right, camera)
-    count = _disparities_in_view(grey_left, grey_right, camera, config)
-    disparity = plain_disparity(grey_left, grey_right, camera, count, config, PENALTIES)
+    disparity = match_plainly(camera, left, right, config)
     plane = fit_plane(disparity, camera, config)
     return DenseScene(disparity, reproject(disparity, camera), plane)
+
+
+def match_plainly(
+    camera: StereoCamera, left: NDArray[Any], right: NDArray[Any], config: DetectorConfig
+) -> NDArray[np.float32]:
+    """Match a pair with plain SGBM over the disparities that it holds.
+
+    Parameters
+    ----------
+    camera : StereoCamera
+    left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+        Grey or BGR.
+    config : DetectorConfig
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width)
+        Pixels, the camera's offset taken off; 0 where there is no match.
+    """
+    grey_left, grey_right = grey_pair(left, right, camera)
+    count = _disparities_in_view(grey_left, grey_right, camera, config)
+    return plain_disparity(grey_left, grey_right, camera, count, config, PENALTIES)
 
 
 def fit_plane(
@@ -107,5 +127,8 @@ def _disparities_in_view(
     coarse = plain_disparity(small_left, small_right, small, count, config, PENALTIES)
     matched = coarse[coarse > 0]
     # The left border is blind over the whole coarse range: the margin is for what it hides.
-    largest = float(np.percentile(matched, 99.9)) * COARSE * 1.15 + 4 if matched.size else 48.0
+    largest = 48.0
+    if matched.size:
+        searched = float(np.percentile(matched, 99.9)) + small.disparity_offset
+        largest = searched * COARSE * 1.15 + 4
     return max(16, min(-(-int(largest) // 16), camera.width // 32) * 16)
