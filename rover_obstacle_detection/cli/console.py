@@ -6,6 +6,10 @@ import contextlib
 import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rover_obstacle_detection.evaluation.tables import Table
 
 OnTaskProgress = Callable[[int, int, int], None]
 """Called with the task's index, the steps done and the steps expected."""
@@ -62,3 +66,24 @@ def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
             progress.update(identifiers[index], completed=done, total=expected)
 
         yield update
+
+
+def print_table(table: Table) -> None:
+    """Print a table; long names are folded where the terminal is narrow, figures stay whole."""
+    from rich.console import Console
+    from rich.table import Table as RichTable
+
+    drawn = RichTable(title=table.title, title_justify='left', box=None, padding=(0, 1, 0, 0))
+    for index, name in enumerate(table.header):
+        drawn.add_column(
+            name.replace(' ', '\n', 1),
+            justify='right' if index else 'left',
+            no_wrap=index > 0,
+            overflow='fold',
+            min_width=8 if index == 0 else None,
+        )
+    for row in table.rows:
+        drawn.add_row(*row)
+    console = Console(highlight=False)
+    console.print(drawn)
+    console.print()

@@ -14,7 +14,7 @@ from rover_obstacle_detection.cli.arguments import (
     detector_config,
     positive_int,
 )
-from rover_obstacle_detection.cli.console import progress_bars, report_error
+from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Evaluate the bags, and print the tables."""
     from rover_obstacle_detection.evaluation.runner import RunOptions
     from rover_obstacle_detection.offline.evaluate import evaluate_bags
-    from rover_obstacle_detection.offline.summary import write_json
+    from rover_obstacle_detection.offline.output_file import write_json_whole, write_whole
 
     config = detector_config(argparse.Namespace(**{**vars(arguments), 'method': None}))
     _check_outputs(arguments)
@@ -137,32 +137,26 @@ def run(arguments: argparse.Namespace) -> int:
     if evaluation.scenes and arguments.json:
         from rover_obstacle_detection.offline.evaluation_json import evaluation_json
 
-        write_json(arguments.json, evaluation_json(evaluation, config))
+        write_json_whole(arguments.json, evaluation_json(evaluation, config))
         print(f'figures: {arguments.json}')
     if evaluation.scenes and arguments.report:
         from rover_obstacle_detection.offline.evaluation_report import evaluation_html
 
-        arguments.report.write_text(evaluation_html(evaluation, config), encoding='utf-8')
+        write_whole(arguments.report, evaluation_html(evaluation, config))
         print(f'report: {arguments.report}')
     return 1 if errors else 0
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
     """Refuse before the work what would fail after it."""
-    from rover_obstacle_detection.errors import OutputError
+    from rover_obstacle_detection.offline.output_file import check_output_file
     from rover_obstacle_detection.report.extra import require_report_libraries
 
     if arguments.report:
         require_report_libraries()
     for path in (arguments.json, arguments.report):
-        if path is None:
-            continue
-        if path.is_dir() or not path.absolute().parent.is_dir():
-            msg = f'cannot write {path}: expected a file in a folder that exists'
-            raise OutputError(msg)
-        if path.exists() and not arguments.force:
-            msg = f'{path} exists: give --force to replace it'
-            raise OutputError(msg)
+        if path is not None:
+            check_output_file(path, force=arguments.force)
 
 
 def _methods(asked: Sequence[str], config: DetectorConfig) -> Sequence[str]:
@@ -196,9 +190,6 @@ def _bag_options(arguments: argparse.Namespace) -> BagOptions:
 
 
 def _print_tables(evaluation: Evaluation) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from rover_obstacle_detection.evaluation.tables import (
         condition_table,
         method_table,
@@ -211,18 +202,5 @@ def _print_tables(evaluation: Evaluation) -> None:
         if len(evaluation.of(method)) > 1:
             tables.append(condition_table(evaluation, method))
     tables.append(method_table(evaluation))
-    console = Console(highlight=False)
-    for each in tables:
-        table = Table(title=each.title, title_justify='left', box=None, padding=(0, 1, 0, 0))
-        for index, name in enumerate(each.header):
-            # Figures stay whole where the terminal is narrow; long names are folded.
-            table.add_column(
-                name.replace(' ', '\n', 1),
-                justify='right' if index else 'left',
-                no_wrap=index > 0,
-                overflow='fold',
-                min_width=8 if index == 0 else None,
-            )
-        for row in each.rows:
-            table.add_row(*row)
-        console.print(table, end='\n\n')
+    for table in tables:
+        print_table(table)

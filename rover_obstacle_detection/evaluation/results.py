@@ -133,10 +133,13 @@ def total(figures: Iterable[Figures]) -> Figures:
 
 def mean_iou(results: Sequence[SceneResult]) -> float | None:
     """Mean over the scenes with obstacles of their pooled IoU; None if none has any."""
+    return mean_scene_iou(result.figures for result in results)
+
+
+def mean_scene_iou(scenes: Iterable[Figures]) -> float | None:
+    """Mean IoU of the scenes with obstacles, each pooled over its frames; None if none has any."""
     values = [
-        result.figures.iou
-        for result in results
-        if result.figures.obstacle_pixels and result.figures.iou is not None
+        figures.iou for figures in scenes if figures.obstacle_pixels and figures.iou is not None
     ]
     return statistics.fmean(values) if values else None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +12,12 @@ from rover_obstacle_detection.bags.reader import BagReader, open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.errors import BagError, CameraError, ImageError
+from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.results import Evaluation, merged
 from rover_obstacle_detection.evaluation.runner import RunOptions, SceneRun
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.offline.labelled_bag import (
+    TruthTopics,
     find_truth_topics,
     read_labelled,
     recorded_conditions,
@@ -83,22 +85,11 @@ def evaluate_bag(
     done = 0
     with open_bag(path) as bag:
         problems += bag.notes
-        topics = bag.stereo_topics(
-            left_image=bag_options.left_topic, right_image=bag_options.right_topic
-        )
         truth = find_truth_topics(bag, bag_options.labels_topic)
         conditions = tuple(bag_options.conditions) or recorded_conditions(bag, truth)
         run = SceneRun(scene, conditions or (condition_in(scene),), run_options)
-        files = bag_options.calibration
-        pairs = read_pairs(
-            bag,
-            topics,
-            camera=load_stereo_calibration(*files) if files else None,
-            every=bag_options.every,
-            extra_topics=truth.images,
-        )
-        expected = _expected_frames(bag, topics, bag_options.every)
-        for frame in read_labelled(pairs, truth):
+        frames, expected = labelled_frames(bag, truth, bag_options)
+        for frame in frames:
             if isinstance(frame, BadFrame):
                 problems.append(f'{path}: {frame.stamp_ns / 1e9:.3f} s: {frame.reason}')
                 continue
@@ -134,6 +125,34 @@ def evaluate_bags(
         except (BagError, CameraError, ImageError) as error:
             errors.append(str(error))
     return merged(parts, run_options.worst_pictures), errors
+
+
+def labelled_frames(
+    bag: BagReader, truth: TruthTopics, options: BagOptions
+) -> tuple[Iterator[LabelledFrame | BadFrame], int]:
+    """Read a recording's pairs with their truth.
+
+    Returns
+    -------
+    frames : iterator of LabelledFrame or BadFrame
+    expected : int
+        How many there are at most, as far as the counts of messages tell.
+
+    Raises
+    ------
+    ObstacleDetectionError
+        If there are no pairs, or no calibration.
+    """
+    topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
+    files = options.calibration
+    pairs = read_pairs(
+        bag,
+        topics,
+        camera=load_stereo_calibration(*files) if files else None,
+        every=options.every,
+        extra_topics=truth.images,
+    )
+    return read_labelled(pairs, truth), _expected_frames(bag, topics, options.every)
 
 
 def scene_names(paths: Sequence[Path]) -> list[str]:
