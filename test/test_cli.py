@@ -22,7 +22,7 @@ def test_version():
     assert done.returncode == 0
 
 
-@pytest.mark.parametrize('command', ['replay', 'detect'])
+@pytest.mark.parametrize('command', ['replay', 'detect', 'tune'])
 def test_help_shows_an_example_of_each_command(command):
     done = _run(command, '--help')
     assert done.returncode == 0

@@ -23,6 +23,7 @@ COMMAND_MODULES = (
     'rover_obstacle_detection.cli.play_command',
     'rover_obstacle_detection.cli.evaluate_command',
     'rover_obstacle_detection.cli.simulate_command',
+    'rover_obstacle_detection.cli.tune_command',
 )
 FAILED = 1
 INTERRUPTED = 130
