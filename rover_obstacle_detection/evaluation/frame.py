@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.gravity import Gravity
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,8 @@ class LabelledFrame:
         0 where there is no rock, else the rock's number.
     depth_m : ndarray of float32, shape (height, width), optional
         Along the optical axis; NaN where there is no surface.
+    gravity : Gravity, optional
+        The true vertical.
     """
 
     stamp_ns: int
@@ -36,3 +39,4 @@ class LabelledFrame:
     labels: NDArray[np.uint8]
     instances: NDArray[np.uint16]
     depth_m: NDArray[np.float32] | None = None
+    gravity: Gravity | None = None

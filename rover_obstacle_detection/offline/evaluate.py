@@ -150,7 +150,7 @@ def labelled_frames(
         topics,
         camera=load_stereo_calibration(*files) if files else None,
         every=options.every,
-        extra_topics=truth.images,
+        extra_topics=truth.stamped,
     )
     return read_labelled(pairs, truth), _expected_frames(bag, topics, options.every)
 

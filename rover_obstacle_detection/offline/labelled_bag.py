@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs
+from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import (
@@ -27,8 +28,10 @@ from rover_obstacle_detection.messages.image import decode_any_image, decode_flo
 LABELS = 'truth/labels'
 INSTANCES = 'truth/instances'
 DEPTH = 'truth/depth'
+POSE = 'truth/pose'
 SCENE = 'truth/scene'
 TEXT_TYPE = 'std_msgs/msg/String'
+POSE_TYPE = 'geometry_msgs/msg/PoseStamped'
 IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 LABEL_VALUES = (FREE, ROCK, SLOPE, DROP, NOT_COUNTED)
 
@@ -41,15 +44,17 @@ class TruthTopics:
     instances: str | None
     depth: str | None
     scene: str | None
+    pose: str | None = None
 
     @property
-    def images(self) -> tuple[str, ...]:
+    def stamped(self) -> tuple[str, ...]:
         """Those that come with every pair."""
-        return tuple(name for name in (self.labels, self.instances, self.depth) if name)
+        stamped = (self.labels, self.instances, self.depth, self.pose)
+        return tuple(name for name in stamped if name)
 
 
 def find_truth_topics(bag: BagReader, labels: str | None = None) -> TruthTopics:
-    """Find ``truth/labels``, and ``instances``, ``depth`` and ``scene`` beside it.
+    """Find ``truth/labels``, and ``instances``, ``depth``, ``scene`` and ``pose`` beside it.
 
     Parameters
     ----------
@@ -75,11 +80,28 @@ def find_truth_topics(bag: BagReader, labels: str | None = None) -> TruthTopics:
         msg = f'{bag.path}: topic {labels} is {there}: expected {IMAGE_TYPES[0]}'
         raise BagError(msg)
     beside = labels.rpartition('/')[0]
-    instances, depth, scene = (
+    instances, depth, scene, pose = (
         name if (name := f'{beside}/{own.rpartition("/")[2]}') in bag.topics else None
-        for own in (INSTANCES, DEPTH, SCENE)
+        for own in (INSTANCES, DEPTH, SCENE, POSE)
     )
-    return TruthTopics(labels, instances, depth, scene)
+    if pose is not None and bag.topics[pose] != POSE_TYPE:
+        pose = None
+    return TruthTopics(labels, instances, depth, scene, pose)
+
+
+def recorded_scene(bag: BagReader, truth: TruthTopics) -> Mapping[str, Any]:
+    """Read what ``truth/scene`` says of the scene, as `simulate` writes it; empty without one."""
+    if truth.scene is None or bag.topics[truth.scene] != TEXT_TYPE:
+        return {}
+    for _, _, message in bag.messages([truth.scene]):
+        if isinstance(message, BadMessage):
+            return {}
+        try:
+            scene = json.loads(message.data)
+        except ValueError:
+            return {}
+        return scene if isinstance(scene, dict) else {}
+    return {}
 
 
 def recorded_conditions(bag: BagReader, truth: TruthTopics) -> tuple[str, ...]:
@@ -90,22 +112,11 @@ def recorded_conditions(bag: BagReader, truth: TruthTopics) -> tuple[str, ...]:
     tuple of str
         Such as ``low_texture``, ``rig navcam``; empty where the recording does not say.
     """
-    if truth.scene is None or bag.topics[truth.scene] != TEXT_TYPE:
-        return ()
-    for _, _, message in bag.messages([truth.scene]):
-        if isinstance(message, BadMessage):
-            return ()
-        try:
-            scene = json.loads(message.data)
-        except ValueError:
-            return ()
-        if not isinstance(scene, dict):
-            return ()
-        conditions = scene.get('conditions', ())
-        named = conditions if isinstance(conditions, list) else ()
-        rig = (f'rig {scene["rig"]}',) if 'rig' in scene else ()
-        return (*map(str, named), *rig)
-    return ()
+    scene = recorded_scene(bag, truth)
+    conditions = scene.get('conditions', ())
+    named = conditions if isinstance(conditions, list) else ()
+    rig = (f'rig {scene["rig"]}',) if 'rig' in scene else ()
+    return (*map(str, named), *rig)
 
 
 def read_labelled(pairs: StereoPairs, truth: TruthTopics) -> Iterator[LabelledFrame | BadFrame]:
@@ -143,6 +154,7 @@ def _labelled(pair: StereoPair, truth: TruthTopics) -> LabelledFrame:
         labels=labels,
         instances=_rock_numbers(labels) if instances is None else instances.astype(np.uint16),
         depth_m=depth_m,
+        gravity=_gravity(pair, truth.pose),
     )
 
 
@@ -160,6 +172,19 @@ def _depth(pair: StereoPair, topic: str | None) -> NDArray[np.float32] | None:
     depth_m = decode_float_image(pair.extras[topic], topic)
     _check_shape(depth_m, pair, topic)
     return depth_m
+
+
+def _gravity(pair: StereoPair, topic: str | None) -> Gravity | None:
+    if topic is None or topic not in pair.extras:
+        return None
+    turn = pair.extras[topic].pose.orientation
+    x, y, z, w = (float(value) for value in (turn.x, turn.y, turn.z, turn.w))
+    square = x * x + y * y + z * z + w * w
+    if not 0.9 < square < 1.1:
+        return None
+    # The world's z as the optical frame sees it: the last row of the rotation.
+    up = (2 * (x * z - y * w), 2 * (y * z + x * w), w * w - x * x - y * y + z * z)
+    return Gravity((up[0] / square, up[1] / square, up[2] / square))
 
 
 def _check_shape(image: NDArray[Any], pair: StereoPair, topic: str) -> None:
