@@ -104,6 +104,10 @@ def test_pictures_are_kept_of_the_worst_frames(tmp_path: Path) -> None:
     options = RunOptions(['hybrid', 'study'], DetectorConfig(), worst_pictures=1)
     pictures = evaluated(write_labelled(tmp_path / 'bag'), options).pictures
     assert [picture.method for picture in pictures] == ['hybrid', 'study']
+    hybrid, study = (picture.frame for picture in pictures)
+    assert (hybrid.faults, hybrid.losses.too_narrow) == ((), 128)
+    assert [str(fault) for fault in study.faults] == ['missed rock of 256 px at 2.5 m']
+    assert study.losses.missed == 256
     decoded = cv2.imdecode(np.frombuffer(pictures[0].jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert decoded.shape == (*SHAPE, 3)
 

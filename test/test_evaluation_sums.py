@@ -45,6 +45,10 @@ def scene(
     return SceneResult(method, name, conditions, (FrameResult(0, figures, seconds, 0.1),))
 
 
+def picture(name: str, figures: Figures, *faults: Fault, method: str = 'hybrid') -> Picture:
+    return Picture(method, name, FrameResult(0, figures, 0.2, 0.1, faults=faults), b'')
+
+
 def evaluation() -> Evaluation:
     return Evaluation(
         scenes=(
@@ -164,7 +168,7 @@ def test_merging_adds_curves_and_distributions_and_keeps_the_worst() -> None:
             scenes=(scene(name, RIGHT, 'noon'),),
             curves={'hybrid': {0.1: RIGHT}},
             distributions={'hybrid': both},
-            pictures=(Picture('hybrid', name, 0, figures, (), b''),),
+            pictures=(picture(name, figures),),
             problems=(f'{name} is bad',),
         )
         for name, figures in (('good', RIGHT), ('bad', HALF_RIGHT))
@@ -180,10 +184,10 @@ def test_missed_and_invented_obstacles_are_worse_than_a_poor_outline() -> None:
     outline = Figures(frames=1, true_positives=60, false_negatives=40, rocks=2, rocks_found=2)
     missed, alarm = Fault('missed rock', 300, 2.0), Fault('false alarm', 200, None)
     pictures = [
-        Picture('hybrid', 'outline', 0, outline, (), b''),
-        Picture('hybrid', 'alarms', 0, NO_TRUTH, (alarm, alarm), b''),
-        Picture('hybrid', 'missed', 0, HALF_RIGHT, (missed,), b''),
-        Picture('study', 'other', 0, RIGHT, (), b''),
+        picture('outline', outline),
+        picture('alarms', NO_TRUTH, alarm, alarm),
+        picture('missed', HALF_RIGHT, missed),
+        picture('other', RIGHT, method='study'),
     ]
     kept = worst(pictures, 2)
     assert [picture.scene for picture in kept] == ['alarms', 'missed', 'other']

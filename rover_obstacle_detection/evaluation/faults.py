@@ -8,6 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.evaluation.causes import (
+    FALSE_ALARM,
+    MISSED_AREA,
+    MISSED_ROCK,
+    Cause,
+    FrameCauses,
+)
 from rover_obstacle_detection.evaluation.figures import (
     Parts,
     are_found,
@@ -28,15 +35,19 @@ class Fault:
     pixels : int
     distance_m : float, optional
         Median along the optical axis, where the depth is known.
+    cause : Cause, optional
+        The likeliest that could be measured.
     """
 
     kind: str
     pixels: int
     distance_m: float | None
+    cause: Cause | None = None
 
     def __str__(self) -> str:
         where = '' if self.distance_m is None else f' at {self.distance_m:.1f} m'
-        return f'{self.kind} of {self.pixels} px{where}'
+        why = '' if self.cause is None else f': {self.cause}'
+        return f'{self.kind} of {self.pixels} px{where}{why}'
 
 
 def find_faults(
@@ -44,6 +55,7 @@ def find_faults(
     labels: NDArray[np.uint8],
     instances: NDArray[np.uint16],
     depth_m: NDArray[np.float32] | None = None,
+    causes: FrameCauses | None = None,
 ) -> tuple[Fault, ...]:
     """List the obstacles missed and the false alarms of a frame, largest first.
 
@@ -53,14 +65,16 @@ def find_faults(
         As for `score`.
     depth_m : ndarray of float32, shape (height, width), optional
         NaN where there is none.
+    causes : FrameCauses, optional
+        Of the detection that the mask is of.
     """
     flagged = mask != 0
     rocks, areas = rocks_to_find(labels, instances), areas_to_find(labels)
     alarms = false_alarms(flagged, labels)
     faults = [
-        *_faults('missed rock', rocks, ~are_found(rocks, flagged), depth_m),
-        *_faults('missed slope or drop', areas, ~are_found(areas, flagged), depth_m),
-        *_faults('false alarm', alarms, np.ones(len(alarms.numbers), bool), depth_m),
+        *_faults(MISSED_ROCK, rocks, ~are_found(rocks, flagged), depth_m, causes),
+        *_faults(MISSED_AREA, areas, ~are_found(areas, flagged), depth_m, causes),
+        *_faults(FALSE_ALARM, alarms, np.ones(len(alarms.numbers), bool), depth_m, causes),
     ]
     return tuple(sorted(faults, key=lambda fault: -fault.pixels))
 
@@ -72,9 +86,14 @@ def median_distance_m(depth_m: NDArray[np.float32]) -> float | None:
 
 
 def _faults(
-    kind: str, parts: Parts, which: NDArray[np.bool_], depth_m: NDArray[np.float32] | None
+    kind: str,
+    parts: Parts,
+    which: NDArray[np.bool_],
+    depth_m: NDArray[np.float32] | None,
+    causes: FrameCauses | None,
 ) -> Iterator[Fault]:
     for number in parts.numbers[which]:
         inside = parts.image == number
         distance_m = None if depth_m is None else median_distance_m(depth_m[inside])
-        yield Fault(kind, int(inside.sum()), distance_m)
+        cause = None if causes is None else causes.of(kind, inside)
+        yield Fault(kind, int(inside.sum()), distance_m, cause)

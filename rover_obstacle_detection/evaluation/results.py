@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from rover_obstacle_detection.evaluation.distributions import TerrainDistributions
 from rover_obstacle_detection.evaluation.faults import Fault
 from rover_obstacle_detection.evaluation.figures import Figures
+from rover_obstacle_detection.evaluation.losses import Losses
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,22 @@ class FrameResult:
         The method's time.
     plain_seconds : float
         Time of one plain SGBM call on the same pair.
+    losses : Losses, optional
+        What keeps the overlap from being perfect; measured where pictures are kept, as the
+        following.
+    faults : tuple of Fault
+        Obstacles missed and false alarms, largest first.
+    remarks : tuple of str
+        What else is wrong with the frame as a whole.
     """
 
     stamp_ns: int
     figures: Figures
     seconds: float
     plain_seconds: float
+    losses: Losses | None = None
+    faults: tuple[Fault, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -39,16 +50,14 @@ class Picture:
 
     method: str
     scene: str
-    stamp_ns: int
-    figures: Figures
-    faults: tuple[Fault, ...]
+    frame: FrameResult
     jpeg: bytes = field(repr=False)
 
     @property
     def wrongness(self) -> tuple[float, float]:
         """Order of how bad it looks: obstacles missed and invented, then the overlap."""
-        iou = self.figures.iou
-        return len(self.faults), 0.0 if iou is None else 1 - iou
+        iou = self.frame.figures.iou
+        return len(self.frame.faults), 0.0 if iou is None else 1 - iou
 
 
 @dataclass(frozen=True)

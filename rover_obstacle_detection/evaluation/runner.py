@@ -12,10 +12,12 @@ import numpy as np
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.evaluation.causes import FrameCauses
 from rover_obstacle_detection.evaluation.distributions import Distribution, TerrainDistributions
 from rover_obstacle_detection.evaluation.faults import find_faults
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
+from rover_obstacle_detection.evaluation.losses import measure_losses
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
 from rover_obstacle_detection.evaluation.methods.method import Mask, Method
 from rover_obstacle_detection.evaluation.methods.registry import USE_CLEARANCE, make_method
@@ -130,13 +132,11 @@ class SceneRun:
             if sum(seconds) > ENOUGH_SECONDS:
                 break
         figures = score(mask, frame.labels, frame.instances)
-        self._frames[name].append(
-            FrameResult(
-                frame.stamp_ns,
-                figures,
-                statistics.median(seconds),
-                statistics.median(plain_seconds),
-            )
+        result = FrameResult(
+            frame.stamp_ns,
+            figures,
+            statistics.median(seconds),
+            statistics.median(plain_seconds),
         )
         if frame.depth_m is not None:
             spans = score_by_range(mask, frame.labels, frame.instances, frame.depth_m)
@@ -145,11 +145,31 @@ class SceneRun:
         if detection is not None:
             self._add_distributions(name, detection, frame)
         if self._options.worst_pictures:
-            faults = find_faults(mask, frame.labels, frame.instances, frame.depth_m)
-            picture = Picture(
-                name, self._scene, frame.stamp_ns, figures, faults, _jpeg(frame, mask)
-            )
-            self._pictures = worst((*self._pictures, picture), self._options.worst_pictures)
+            result = self._explain(name, result, mask, detection, frame)
+        self._frames[name].append(result)
+
+    def _explain(
+        self,
+        name: str,
+        result: FrameResult,
+        mask: Mask,
+        detection: Detection | None,
+        frame: LabelledFrame,
+    ) -> FrameResult:
+        """Add to a result what went wrong, and keep its picture if it is one of the worst."""
+        causes = None
+        if detection is not None and frame.depth_m is not None:
+            causes = FrameCauses(detection, frame)
+        vertical = None if causes is None else causes.vertical()
+        explained = replace(
+            result,
+            losses=measure_losses(mask, frame.labels, frame.instances),
+            faults=find_faults(mask, frame.labels, frame.instances, frame.depth_m, causes),
+            remarks=() if vertical is None else (vertical,),
+        )
+        picture = Picture(name, self._scene, explained, _jpeg(frame, mask))
+        self._pictures = worst((*self._pictures, picture), self._options.worst_pictures)
+        return explained
 
     def _add_distributions(self, name: str, detection: Detection, frame: LabelledFrame) -> None:
         both = TerrainDistributions(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from rover_obstacle_detection import __version__
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.evaluation.distributions import EDGES_M
+from rover_obstacle_detection.evaluation.faults import Fault
+from rover_obstacle_detection.evaluation.losses import Losses
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 from rover_obstacle_detection.evaluation.ranges import span_names
 from rover_obstacle_detection.evaluation.results import Evaluation, Picture
@@ -36,6 +39,13 @@ from rover_obstacle_detection.report.plots import Line, bar_plot, distribution_p
 
 SVG = 'image/svg+xml'
 LISTED_FAULTS = 5
+MIN_LOSS = 0.01
+LOSSES = {
+    'missed': 'obstacles missed',
+    'invented': 'false blobs',
+    'too_wide': 'outlines {:.1f} px too wide',
+    'too_narrow': 'outlines {:.1f} px too narrow',
+}
 DEFINITIONS = (
     'Precision, recall, F1 and IoU are over counted pixels: not the sky, not rocks within 20 % '
     'of the clearance. Mean IoU is the mean over scenes that have obstacles of the IoU pooled '
@@ -205,19 +215,43 @@ def _shares(counts: NDArray[np.intp]) -> Sequence[float]:
 
 
 def _picture(picture: Picture) -> Block:
-    caption = f'{picture.scene}, {picture.stamp_ns / 1e9:.1f} s: {summary_of(picture)}'
+    caption = f'{picture.scene}, {picture.frame.stamp_ns / 1e9:.1f} s: {summary_of(picture)}'
     return PictureBlock(caption, picture.jpeg, 'image/jpeg')
 
 
 def summary_of(picture: Picture) -> str:
-    """Say in words what a picture shows: IoU, obstacles found, and each fault."""
-    figures = picture.figures
-    iou = 'no IoU' if figures.iou is None else f'IoU {figures.iou:.2f}'
-    listed = [str(fault) for fault in picture.faults[:LISTED_FAULTS]]
-    more = len(picture.faults) - len(listed)
-    listed += [f'{more} more'] if more else []
-    found = f'{figures.obstacles_found} of {figures.obstacles} obstacles found'
-    return ', '.join((iou, found, *listed))
+    """Say in words what a picture shows, in one paragraph; see `summary_lines`."""
+    return '. '.join(summary_lines(picture))
+
+
+def summary_lines(picture: Picture) -> list[str]:
+    """Say in words what a picture shows: IoU and what it lost, obstacles found, each fault."""
+    frame = picture.frame
+    figures = frame.figures
+    if figures.obstacle_pixels:
+        iou = 'no IoU' if figures.iou is None else f'IoU {figures.iou:.2f}'
+        lost = '' if frame.losses is None else _losses(frame.losses)
+        found = f'{figures.obstacles_found} of {figures.obstacles} obstacles found'
+        first = f'{iou}{lost}, {found}'
+    else:
+        first = f'no obstacles there, {figures.false_positives} px flagged'
+    faults = [str(fault) for fault in frame.faults[:LISTED_FAULTS]]
+    rest = Counter(_sort(fault) for fault in frame.faults[LISTED_FAULTS:])
+    more = [f'{count} more: {sort}' for sort, count in rest.most_common()]
+    return [first, *frame.remarks, *faults, *more]
+
+
+def _losses(losses: Losses) -> str:
+    parts = [
+        f'{100 * share:.0f} % to {words.format(losses.width_px(part) or 0.0)}'
+        for part, words in LOSSES.items()
+        if (share := losses.share(part)) is not None and share >= MIN_LOSS
+    ]
+    return f' (lost: {", ".join(parts)})' if parts else ''
+
+
+def _sort(fault: Fault) -> str:
+    return fault.kind if fault.cause is None else f'{fault.kind}, {fault.cause.name}'
 
 
 def _table(table: Table) -> Block:

@@ -1,0 +1,156 @@
+"""The true ground around a part of an image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.gravity import GroundPlane
+
+REACH_M = 0.35
+MAX_RADIUS_M = 1.0
+MIN_PIXELS = 30
+MOST_PIXELS = 20_000
+TOP_SHARE = 0.98
+SQUARE_M = 0.4
+
+
+def plan_axes(up: Sequence[float]) -> NDArray[np.float64]:
+    """Two level directions, ahead of the camera and across, by a vertical; shape (3, 2)."""
+    vertical = np.asarray(up, np.float64)
+    ahead = np.array((0.0, 0.0, 1.0)) - vertical[2] * vertical
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    return np.stack((ahead, np.cross(vertical, ahead)), axis=1)
+
+
+class Surroundings:
+    """Finds the true ground under a part of an image by the ground around it.
+
+    Parameters
+    ----------
+    points : ndarray of float32, shape (height, width, 3)
+        True points, left optical frame, metres; NaN where there is no surface.
+    height_m : ndarray of float32, shape (height, width)
+        Of those points over a plane.
+    is_ground : ndarray of bool, shape (height, width)
+        Where no rock is seen.
+    plane : GroundPlane
+    camera : StereoCamera
+    """
+
+    def __init__(
+        self,
+        points: NDArray[np.float32],
+        height_m: NDArray[np.float32],
+        is_ground: NDArray[np.bool_],
+        plane: GroundPlane,
+        camera: StereoCamera,
+    ) -> None:
+        self._height_m = height_m
+        self._is_ground = is_ground & np.isfinite(height_m)
+        self._camera = camera
+        self._depth_m = points[..., 2]
+        self._places = points @ plan_axes(plane.normal).astype(np.float32)
+
+    def ground(self, inside: NDArray[np.bool_]) -> NDArray[np.float32] | None:
+        """Height of the true ground over the plane at and around a part, metres.
+
+        Returns
+        -------
+        ndarray of float32, shape (height, width) or None
+            A plane through the ground within 0.35 m of the part, by least squares; NaN away from
+            it. None where too little ground is seen there.
+        """
+        window = self.window(inside)
+        part = inside[window] & np.isfinite(self._height_m[window])
+        if not part.any():
+            return None
+        places = self._places[window]
+        centre = np.median(places[part], axis=0)
+        radius_m = float(np.quantile(np.linalg.norm(places[part] - centre, axis=-1), 0.9))
+        with np.errstate(invalid='ignore'):
+            near = np.linalg.norm(places - centre, axis=-1) < min(radius_m, MAX_RADIUS_M) + REACH_M
+        around = near & self._is_ground[window] & ~inside[window]
+        if around.sum() < MIN_PIXELS:
+            return None
+        design = _design(places - centre)
+        heights_m = self._height_m[window]
+        thin = max(1, int(around.sum()) // MOST_PIXELS)
+        coefficients, *_ = np.linalg.lstsq(design[around][::thin], heights_m[around][::thin])
+        ground_m = np.full(inside.shape, np.nan, np.float32)
+        ground_m[window] = design @ coefficients
+        return ground_m
+
+    def window(self, inside: NDArray[np.bool_]) -> tuple[slice, slice]:
+        """Rows and columns of a part and of what is within reach of it."""
+        rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+        depth_m = self._depth_m[inside]
+        depth_m = depth_m[np.isfinite(depth_m)]
+        # Twice the reach: ground between the camera and the part is nearer than the part.
+        reach_px = 2 * REACH_M * self._camera.fx / float(np.median(depth_m)) if depth_m.size else 0
+        margin = max(8, round(reach_px))
+        return (
+            slice(max(0, int(rows[0]) - margin), int(rows[-1]) + margin + 1),
+            slice(max(0, int(columns[0]) - margin), int(columns[-1]) + margin + 1),
+        )
+
+
+def slope_deg(points: NDArray[np.float32], up: Sequence[float]) -> float:
+    """Typical slope of a surface at rover scale, degrees.
+
+    Parameters
+    ----------
+    points : ndarray of float32, shape (n, 3)
+        Metres; NaN where there is none.
+    up : sequence of float
+        The vertical, a unit vector.
+
+    Returns
+    -------
+    float
+        Median of the slopes of planes fitted to the points of each square of 0.4 m; NaN where
+        there are too few.
+    """
+    known = points[np.isfinite(points).all(axis=1)].astype(np.float64)
+    places = known @ plan_axes(up)
+    heights_m = np.asarray(known @ np.asarray(up, np.float64), np.float64)
+    squares = np.floor(places / SQUARE_M).astype(np.int64)
+    _, square, counts = np.unique(squares, axis=0, return_inverse=True, return_counts=True)
+    square = square.ravel()
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(square, values, minlength=len(counts)) / counts)
+
+    along: list[NDArray[np.float64]] = [places[:, 0], places[:, 1], heights_m]
+    centred = [each - mean(each)[square] for each in along]
+    (aa, ab, ah), (_, bb, bh) = ([mean(one * other) for other in centred] for one in centred[:2])
+    determinant = aa * bb - ab * ab
+    usable = (counts >= MIN_PIXELS) & (determinant > (SQUARE_M / 10) ** 4)
+    if not usable.any():
+        return float('nan')
+    rises = (ah * bb - bh * ab)[usable], (bh * aa - ah * ab)[usable]
+    return float(np.median(np.degrees(np.arctan(np.hypot(*rises) / determinant[usable]))))
+
+
+def top(heights_m: NDArray[np.floating]) -> float:
+    """Height that only two of a hundred known ones exceed; NaN without any."""
+    return quantile(heights_m, TOP_SHARE)
+
+
+def median(values: NDArray[np.floating]) -> float:
+    """Median of the known values; NaN without any."""
+    return quantile(values, 0.5)
+
+
+def quantile(values: NDArray[np.number], share: float) -> float:
+    """Quantile of the known values; NaN without any."""
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, share)) if known.size else float('nan')
+
+
+def _design(places: NDArray[np.floating]) -> NDArray[np.float32]:
+    ones = np.ones((*places.shape[:-1], 1), np.float32)
+    return np.concatenate((places, ones), axis=-1).astype(np.float32)
