@@ -5,9 +5,13 @@ import pytest
 
 from rover_obstacle_detection.detection.confidence import (
     FEATURES,
+    STRENGTHEN,
+    TYPICAL_NOISE_PX,
+    WEAKEN,
     confidence,
     logistic,
     measure_evidence,
+    seen_disparity_noise_px,
 )
 from rover_obstacle_detection.detection.confidence_coefficients import COEFFICIENTS
 from rover_obstacle_detection.detection.config import METHODS
@@ -18,24 +22,27 @@ LARGE, SMALL = np.s_[2:12, 3:13], np.s_[15:17, 20:25]
 
 
 def measure(**changes):
-    """Two obstacles 2 m away, of 100 and 10 pixels, 0.06 m and 0.02 m above the step."""
+    """Two obstacles of 100 and 10 pixels, 0.06 m and 0.02 m above the step; typical noise."""
     numbers = np.zeros(SHAPE, np.int32)
     numbers[LARGE], numbers[SMALL] = 1, 2
     height = np.zeros(SHAPE, np.float32)
     height[LARGE], height[SMALL] = 0.16, 0.12
-    points = np.zeros((*SHAPE, 3), np.float32)
-    points[..., 2] = 2
     given = {
-        'points': points,
+        'grey': np.full(SHAPE, 100, np.uint8),
+        'disparity': np.full(SHAPE, 8, np.float32),
         'height_m': height,
         'noise_m': np.full(SHAPE, 0.02, np.float32),
         'cues': np.where(numbers, Cue.HEIGHT, 0).astype(np.uint8),
-        'regions': numbers + 1,
         'max_step_m': 0.10,
         'window_px': 5,
         **changes,
     }
+    given['noise_m'] = given['noise_m'] * as_typical(given['disparity'])
     return measure_evidence(numbers, **given)
+
+
+def as_typical(disparity):
+    return np.float32(TYPICAL_NOISE_PX / seen_disparity_noise_px(disparity))
 
 
 def test_height_counts_in_noises_of_as_many_samples_as_are_independent():
@@ -57,23 +64,60 @@ def test_noise_is_that_of_the_pixels_above_the_step():
     assert measure(noise_m=noise).excess[0] == pytest.approx(12, rel=1e-5)
 
 
-def test_sizes_and_ranges():
-    points = np.zeros((*SHAPE, 3), np.float32)
-    points[LARGE] = (0, 3, 4)
-    points[SMALL] = np.nan
-    evidence = measure(points=points)
+def test_the_pair_that_shows_more_noise_makes_less_of_the_same_height():
+    rng = np.random.default_rng(3)
+    disparity = (20 + rng.normal(0, 0.4, SHAPE)).astype(np.float32)
+    numbers = np.zeros(SHAPE, np.int32)
+    numbers[LARGE] = 1
+    given = {
+        'grey': np.full(SHAPE, 100, np.uint8),
+        'height_m': np.full(SHAPE, 0.16, np.float32),
+        'noise_m': np.full(SHAPE, 0.02, np.float32),
+        'cues': np.zeros(SHAPE, np.uint8),
+        'max_step_m': 0.1,
+        'window_px': 5,
+    }
+    noisy = measure_evidence(numbers, disparity=disparity, **given)
+    assert noisy.disparity_noise_px == pytest.approx(0.4, rel=0.15)
+    assert noisy.excess == pytest.approx(3 * 2 * TYPICAL_NOISE_PX / noisy.disparity_noise_px)
+    calm = measure_evidence(numbers, disparity=np.full(SHAPE, 20, np.float32), **given)
+    assert calm.disparity_noise_px < 0.1 * noisy.disparity_noise_px
+    assert calm.excess > 10 * noisy.excess
+
+
+def test_disparity_noise_is_that_of_independent_noise_and_blind_to_slopes_and_jumps():
+    rng = np.random.default_rng(1)
+    ramp = np.tile(np.linspace(10, 60, 400), (300, 1))
+    noisy = (ramp + rng.normal(0, 0.3, ramp.shape)).astype(np.float32)
+    assert seen_disparity_noise_px(noisy) == pytest.approx(0.3, rel=0.05)
+    assert seen_disparity_noise_px(ramp.astype(np.float32)) < 0.02
+    noisy[:, 200:] += 500
+    assert seen_disparity_noise_px(noisy) == pytest.approx(0.3, rel=0.15)
+
+
+@pytest.mark.parametrize('shape', [(20, 30), (2, 3), (1, 1)])
+def test_disparity_noise_is_typical_where_nothing_is_matched(shape):
+    assert seen_disparity_noise_px(np.zeros(shape, np.float32)) == TYPICAL_NOISE_PX
+
+
+def test_size_and_share_with_3d():
+    height = np.full(SHAPE, 0.2, np.float32)
+    height[2:6] = np.nan
+    disparity = np.full(SHAPE, 8, np.float32)
+    disparity[SMALL] = 0
+    evidence = measure(height_m=height, disparity=disparity)
     assert evidence.pixels.tolist() == [100, 10]
-    assert evidence.range_m == pytest.approx([5, np.nan], nan_ok=True)
-    assert evidence.measured_share.tolist() == [1, 0]
-
-
-@pytest.mark.parametrize('name', ['points', 'height_m', 'noise_m'])
-def test_a_pixel_is_measured_where_everything_is_known(name):
-    array = np.full((*SHAPE, 3) if name == 'points' else SHAPE, 0.2, np.float32)
-    array[2:6] = np.inf if name == 'noise_m' else np.nan
-    evidence = measure(**{name: array})
-    assert evidence.measured_share == pytest.approx([0.6, 1])
+    assert evidence.measured_share == pytest.approx([0.6, 0])
+    assert evidence.excess[1] == 0
     assert np.isfinite(evidence.features()).all()
+
+
+def test_pixels_without_a_known_noise_are_not_measured():
+    noise = np.full(SHAPE, 0.02, np.float32)
+    noise[LARGE] = np.inf
+    evidence = measure(noise_m=noise)
+    assert evidence.measured_share.tolist() == [0, 1]
+    assert evidence.excess[0] == 0
 
 
 def test_shares_of_the_cues_and_where_they_agree():
@@ -90,23 +134,37 @@ def test_shares_of_the_cues_and_where_they_agree():
     assert evidence.agreement == pytest.approx([0.2, 0])
 
 
-def test_a_region_fits_where_most_of_it_is_obstacle():
-    regions = np.ones(SHAPE, np.int32)
-    regions[2:8, 3:13] = 2  # all obstacle
-    regions[8:12, 3:20] = 3  # 40 of 68 pixels
-    regions[15:20, 20:25] = 4  # 10 of 25
-    assert measure(regions=regions).region_fit == pytest.approx([1, 0])
-    regions[8:12, 3:30] = 3  # 40 of 108
-    assert measure(regions=regions).region_fit == pytest.approx([0.6, 0])
+def test_an_outline_on_an_edge_of_the_image_stands_out():
+    grey = np.full(SHAPE, 100, np.uint8)
+    assert measure(grey=grey).contrast == pytest.approx([1, 1])
+    grey[LARGE] = 160
+    large, small = measure(grey=grey).contrast
+    assert large > 5
+    assert small < 2
+
+
+def test_the_more_outline_for_its_size_the_more_ragged():
+    numbers = np.zeros(SHAPE, np.int32)
+    numbers[2:12, 3:13] = 1  # 36 of 100 pixels
+    numbers[15, 2:27] = 2  # a line
+    numbers[18, 5] = 3  # a dot
+    numbers[0:2, 20:30] = 4  # at the border, of 20 pixels 11 beside the ground
+    given = {name: np.ones(SHAPE, np.float32) for name in ('disparity', 'height_m', 'noise_m')}
+    bytes_ = {name: np.zeros(SHAPE, np.uint8) for name in ('grey', 'cues')}
+    evidence = measure_evidence(numbers, **given, **bytes_, max_step_m=0.1, window_px=5)
+    assert evidence.raggedness == pytest.approx([3.6, 5, 1, 11 / 20**0.5])
 
 
 def test_features_stand_in_the_order_of_their_names():
     features = dict(zip(FEATURES, measure().features().T, strict=True))
-    assert len(features) == 7 + len(Cue)
+    assert len(features) == 8 + len(Cue)
     assert features['intercept'].tolist() == [1, 1]
     assert features['log_excess'] == pytest.approx(np.log([7, 2]), rel=1e-5)
     assert features['log_pixels'] == pytest.approx(np.log([100, 10]))
-    assert features['log_range'] == pytest.approx(np.log([2, 2]))
+    assert features['log_contrast'] == pytest.approx([0, 0])
+    assert features['log_raggedness'] == pytest.approx(np.log([3.6, 1.0 * 10**0.5]))
+    noise_px = seen_disparity_noise_px(np.full(SHAPE, 8, np.float32))
+    assert features['log_disparity_noise'] == pytest.approx(np.log([noise_px] * 2))
     assert features['height_share'].tolist() == [1, 1]
     assert features['roughness_step_share'].tolist() == [0, 0]
 
@@ -115,11 +173,11 @@ def test_without_obstacles_there_is_nothing_to_be_sure_of():
     nothing = np.zeros(SHAPE, np.int32)
     evidence = measure_evidence(
         nothing,
-        points=np.zeros((*SHAPE, 3), np.float32),
+        grey=np.zeros(SHAPE, np.uint8),
+        disparity=np.zeros(SHAPE, np.float32),
         height_m=np.zeros(SHAPE, np.float32),
         noise_m=np.ones(SHAPE, np.float32),
         cues=np.zeros(SHAPE, np.uint8),
-        regions=np.ones(SHAPE, np.int32),
         max_step_m=0.1,
         window_px=5,
     )
@@ -133,6 +191,12 @@ def test_every_method_has_a_coefficient_for_every_feature(method):
     sure = confidence(measure(), method)
     assert sure.dtype == np.float32
     assert ((sure > 0) & (sure < 1)).all()
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_what_speaks_for_an_obstacle_never_speaks_against_it(method):
+    assert all(COEFFICIENTS[method][name] >= 0 for name in STRENGTHEN)
+    assert all(COEFFICIENTS[method][name] <= 0 for name in WEAKEN)
 
 
 def test_confidence_is_the_logistic_function_of_the_weighted_features(monkeypatch):

@@ -14,11 +14,11 @@ UP = (0.0, -1.0, 0.0)
 
 def detection(**products):
     arrays = {
+        'grey': np.full((2, 4), 100, np.uint8),
         'disparity': np.array([[5, 5, 0, 5], [5, 5, 2.5, 5]], np.float32),
         'height': np.array([[0.2, 0.1, 0.3, np.nan], [0, 0, 0.5, 0]], np.float32),
         'height_noise': np.full((2, 4), 0.02, np.float32),
         'cues': np.array([[1, 0, 8, 8], [0, 0, 1, 0]], np.uint8),
-        'regions': np.array([[1, 2, 3, 3], [2, 2, 3, 2]], np.int32),
         'known': np.array([[1, 1, 1, 1], [1, 1, 1, 0]], np.bool_),
         'mask': np.array([[255, 0, 255, 255], [0, 0, 255, 0]], np.uint8),
     }

@@ -143,7 +143,6 @@ def _large_detection(mask):
         height=np.full(shape, 0.3, np.float32),
         height_noise=np.full(shape, 0.01, np.float32),
         cues=(mask > 0).astype(np.uint8),
-        regions=np.ones(shape, np.int32),
         known=np.ones(shape, bool),
         camera=StereoCamera(shape[1], shape[0], 600.0, 600.0, 319.5, 239.5, 0.1),
     )

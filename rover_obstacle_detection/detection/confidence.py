@@ -9,25 +9,36 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.confidence_coefficients import COEFFICIENTS
 from rover_obstacle_detection.detection.cue import Cue
+from rover_obstacle_detection.detection.edges import REDUCTION, edge_strength
 
 FEATURES = (
     'intercept',
     'log_excess',
     'log_pixels',
-    'log_range',
     'measured_share',
     'agreement',
-    'region_fit',
+    'log_contrast',
+    'log_raggedness',
+    'log_disparity_noise',
     *(f'{cue.name.lower()}_share' for cue in Cue if cue.name),
 )
 """Names of the columns of `ObstacleEvidence.features`."""
 
-MOSTLY = 0.5
+STRENGTHEN = ('log_excess', 'log_pixels', 'measured_share', 'agreement', 'log_contrast')
+WEAKEN = ('log_raggedness', 'log_disparity_noise')
+"""Features that the confidence never falls with, and those that it never rises with."""
+
+# What clean pairs show, so that noise as modelled is taken as it is there.
+TYPICAL_NOISE_PX = 0.1
+SPACING_PX = 2
+MAX_DIFFERENCE_PX = 4.0
+# A change of grey level that no outline shows up in.
+FAINT_LEVELS = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class ObstacleEvidence:
-    """What speaks for each of n obstacles, measured over its pixels.
+    """What speaks for and against each of n obstacles, measured over its pixels.
 
     Parameters
     ----------
@@ -35,39 +46,41 @@ class ObstacleEvidence:
         How far its pixels above the rover's step exceed it on average, in standard deviations of
         that average; 0 without such pixels.
     pixels : ndarray of float64, shape (n,)
-    range_m : ndarray of float64, shape (n,)
-        Mean distance of its points from the left eye, metres; NaN without 3D.
     measured_share : ndarray of float64, shape (n,)
         Share of its pixels with 3D.
     agreement : ndarray of float64, shape (n,)
         Share of its pixels with two or more cues.
-    region_fit : ndarray of float64, shape (n,)
-        Share of its pixels in regions more than half of which is obstacle.
+    contrast : ndarray of float64, shape (n,)
+        How much faster the grey level changes along its outline than in most of the image.
+    raggedness : ndarray of float64, shape (n,)
+        Pixels of its outline over the square root of all: the larger, the less compact.
     cue_shares : ndarray of float64, shape (n, cues)
         Share of its pixels with each of the cues, in the order of `Cue`.
+    disparity_noise_px : float
+        As the whole pair shows it.
     """
 
     excess: NDArray[np.float64]
     pixels: NDArray[np.float64]
-    range_m: NDArray[np.float64]
     measured_share: NDArray[np.float64]
     agreement: NDArray[np.float64]
-    region_fit: NDArray[np.float64]
+    contrast: NDArray[np.float64]
+    raggedness: NDArray[np.float64]
     cue_shares: NDArray[np.float64]
+    disparity_noise_px: float
 
     def features(self) -> NDArray[np.float64]:
         """Return what the model is linear in, shape (n, features): see `FEATURES`."""
-        # Without 3D the missing share stands for the missing range.
-        log_range = np.nan_to_num(np.log(self.range_m))
         return np.column_stack(
             (
                 np.ones_like(self.pixels),
                 np.log1p(self.excess),
                 np.log(self.pixels),
-                log_range,
                 self.measured_share,
                 self.agreement,
-                self.region_fit,
+                np.log(self.contrast),
+                np.log(self.raggedness),
+                np.full_like(self.pixels, np.log(self.disparity_noise_px)),
                 self.cue_shares,
             )
         )
@@ -76,11 +89,11 @@ class ObstacleEvidence:
 def measure_evidence(
     numbers: NDArray[np.int32],
     *,
-    points: NDArray[np.float32],
+    grey: NDArray[np.uint8],
+    disparity: NDArray[np.float32],
     height_m: NDArray[np.float32],
     noise_m: NDArray[np.float32],
     cues: NDArray[np.uint8],
-    regions: NDArray[np.int32],
     max_step_m: float,
     window_px: int,
 ) -> ObstacleEvidence:
@@ -90,16 +103,16 @@ def measure_evidence(
     ----------
     numbers : ndarray of int32, shape (height, width)
         Number of each pixel's obstacle, 1 to n; 0 where there is none.
-    points : ndarray of float32, shape (height, width, 3)
-        Metres; NaN where none.
+    grey : ndarray of uint8, shape (height, width)
+        Left image.
+    disparity : ndarray of float32, shape (height, width)
+        Pixels; 0 where there is no match.
     height_m : ndarray of float32, shape (height, width)
         Above the local ground; NaN where none.
     noise_m : ndarray of float32, shape (height, width)
         Standard deviation of the height of a single pixel.
     cues : ndarray of uint8, shape (height, width)
         Flags of `Cue`.
-    regions : ndarray of int32, shape (height, width)
-        Number of each pixel's mean-shift region.
     max_step_m : float
         What the rover can take.
     window_px : int
@@ -108,7 +121,8 @@ def measure_evidence(
     Notes
     -----
     Pixels within a matching block share their noise, so that n pixels are worth about
-    ``n / window_px**2`` independent ones, and at least one.
+    ``n / window_px**2`` independent ones, and at least one. The noise grows with what the
+    disparities of the pair show.
     """
     where = np.flatnonzero(numbers)
     owner = numbers.ravel()[where] - 1
@@ -119,27 +133,56 @@ def measure_evidence(
         return np.bincount(owner[which], minlength=count) / pixels
 
     own_height, own_noise = height_m.ravel()[where], noise_m.ravel()[where]
-    own_cues, own_region = cues.ravel()[where], regions.ravel()[where]
-    distance_m = np.linalg.norm(points.reshape(-1, 3)[where], axis=1)
-    measured = np.isfinite(own_height) & np.isfinite(own_noise) & np.isfinite(distance_m)
-    flags = np.array(list(Cue), np.uint8)
-    has_cue = (own_cues[:, np.newaxis] & flags) > 0
-    filled = _filled_regions(regions, own_region)
+    measured = np.isfinite(own_height) & np.isfinite(own_noise) & (disparity.ravel()[where] > 0)
+    own_cues = cues.ravel()[where]
+    noise_px = seen_disparity_noise_px(disparity)
+    outline = _is_outline(numbers).ravel()[where]
     return ObstacleEvidence(
         excess=_excess(
             owner[measured],
             own_height[measured] - np.float32(max_step_m),
-            own_noise[measured],
+            own_noise[measured] * np.float32(noise_px / TYPICAL_NOISE_PX),
             count,
             window_px**2,
         ),
         pixels=pixels,
-        range_m=_means(owner[measured], distance_m[measured], count),
         measured_share=share(measured),
-        agreement=share(has_cue.sum(axis=1) >= 2),
-        region_fit=share(filled[own_region]),
-        cue_shares=np.column_stack([share(column) for column in has_cue.T]),
+        agreement=share((own_cues & (own_cues - 1)) > 0),
+        contrast=_contrast(owner[outline], where[outline], grey, count),
+        raggedness=np.maximum(share(outline) * np.sqrt(pixels), 1.0),
+        cue_shares=np.column_stack([share((own_cues & np.uint8(cue)) > 0) for cue in Cue]),
+        disparity_noise_px=noise_px,
     )
+
+
+def seen_disparity_noise_px(disparity: NDArray[np.float32]) -> float:
+    """Estimate the noise of disparity from how it differs from that beside it, pixels.
+
+    Parameters
+    ----------
+    disparity : ndarray of float32, shape (height, width)
+        0 where there is no match.
+
+    Returns
+    -------
+    float
+        Mean deviation from the mean of both neighbours, a few pixels to the left and right, as the
+        standard deviation that independent noise of that size has; structure of the scene adds to
+        it. Typical noise where nothing is matched.
+    """
+    # A third of the rows is enough for a mean.
+    width = max(disparity.shape[1] - 2 * SPACING_PX, 0)
+    left, middle, right = (
+        disparity[::3, start : start + width] for start in (0, SPACING_PX, 2 * SPACING_PX)
+    )
+    matched = (left > 0) & (middle > 0) & (right > 0)
+    difference = np.abs(left + right - 2 * middle)[matched]
+    if not difference.size:
+        return TYPICAL_NOISE_PX
+    # Of normal noise, the second difference has six times the variance, and its mean size is 0.8
+    # standard deviations.
+    mean = float(np.minimum(difference, MAX_DIFFERENCE_PX).mean()) / (0.8 * 6**0.5)
+    return max(mean, TYPICAL_NOISE_PX / 10)
 
 
 def confidence(evidence: ObstacleEvidence, method: str) -> NDArray[np.float32]:
@@ -184,19 +227,23 @@ def _excess(
     return np.asarray(ratio * np.sqrt(samples))
 
 
-def _means(
-    owner: NDArray[np.int32], values: NDArray[np.float32], count: int
+def _is_outline(numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Tell the pixels of obstacles with ground beside them; the image's border is none."""
+    free = np.pad(numbers == 0, 1)
+    beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
+    return np.asarray(beside & (numbers > 0))
+
+
+def _contrast(
+    owner: NDArray[np.int32], where: NDArray[np.intp], grey: NDArray[np.uint8], count: int
 ) -> NDArray[np.float64]:
-    number = np.bincount(owner, minlength=count)
-    sums = np.bincount(owner, values, minlength=count)
-    means = np.full(count, np.nan)
-    np.divide(sums, number, out=means, where=number > 0)
-    return means
-
-
-def _filled_regions(
-    regions: NDArray[np.int32], on_obstacles: NDArray[np.int32]
-) -> NDArray[np.bool_]:
-    """Tell of each region number whether obstacles take up most of the region."""
-    pixels = np.bincount(regions.ravel())
-    return np.asarray(np.bincount(on_obstacles, minlength=len(pixels)) > MOSTLY * pixels)
+    """Compare the edges along outlines with those of the image; 1 without an outline."""
+    edges = edge_strength(grey)
+    row, column = np.divmod(where, grey.shape[1])
+    along = edges[row // REDUCTION, column // REDUCTION]
+    pixels = np.bincount(owner, minlength=count)
+    sums = np.bincount(owner, along, minlength=count)
+    usual = float(np.median(edges[::2, ::2]))
+    mean = np.full(count, usual)
+    np.divide(sums, pixels, out=mean, where=pixels > 0)
+    return np.asarray((mean + FAINT_LEVELS) / (usual + FAINT_LEVELS))

@@ -124,11 +124,11 @@ class Detection:
         """What speaks for each of the obstacles, in their order."""
         return measure_evidence(
             self.obstacle_numbers,
-            points=self.points,
+            grey=self.grey,
+            disparity=self.disparity,
             height_m=self.height,
             noise_m=self.height_noise,
             cues=self.cues,
-            regions=self.regions,
             max_step_m=self.config.max_step,
             window_px=self.config.correlation_window_size,
         )
