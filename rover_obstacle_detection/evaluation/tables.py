@@ -17,6 +17,7 @@ from rover_obstacle_detection.evaluation.results import (
 )
 
 NONE = '-'
+TIME_HEADER = ('ms', 'x SGBM')
 FIGURE_HEADER = ('mean IoU', 'precision', 'recall', 'F1', 'obstacles', 'false alarms')
 
 
@@ -35,22 +36,25 @@ class Table:
         return '\n'.join(f'| {" | ".join(cells)} |' for cells in lines) + '\n'
 
 
-def method_table(evaluation: Evaluation) -> Table:
+def method_table(evaluation: Evaluation, *, with_times: bool = True) -> Table:
     """All scenes together, a row a method."""
     rows = []
     for method in evaluation.methods:
         results = evaluation.of(method)
         worst = worst_condition(evaluation, method)
+        times = (
+            f'{1000 * statistics.fmean(each.median_seconds for each in results):.0f}',
+            f'{statistics.fmean(each.times_plain for each in results):.2f}',
+        )
         rows.append(
             (
                 method,
                 *_figures(results),
                 _number(None if worst is None else worst[1]),
-                f'{1000 * statistics.fmean(each.median_seconds for each in results):.0f}',
-                f'{statistics.fmean(each.times_plain for each in results):.2f}',
+                *(times if with_times else ()),
             )
         )
-    header = ('method', *FIGURE_HEADER, 'worst IoU', 'ms', 'x SGBM')
+    header = ('method', *FIGURE_HEADER, 'worst IoU', *(TIME_HEADER if with_times else ()))
     return Table('All scenes', header, rows)
 
 
@@ -106,7 +110,7 @@ def scene_table(evaluation: Evaluation, method: str) -> Table:
         )
         for result in evaluation.of(method)
     ]
-    header = ('scene', 'frames', 'IoU', *FIGURE_HEADER[1:], 'ms', 'x SGBM')
+    header = ('scene', 'frames', 'IoU', *FIGURE_HEADER[1:], *TIME_HEADER)
     return Table(f'{method} by scene', header, rows)
 
 

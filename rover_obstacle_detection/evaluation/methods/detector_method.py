@@ -19,16 +19,19 @@ class DetectorMethod:
     Parameters
     ----------
     config : DetectorConfig
+    leave_out : frozenset of str
+        Stages of the hybrid to do without.
     """
 
-    def __init__(self, config: DetectorConfig) -> None:
+    def __init__(self, config: DetectorConfig, leave_out: frozenset[str] = frozenset()) -> None:
         self._config = config
+        self._changes: dict[str, Any] = {'leave_out': leave_out} if leave_out else {}
         self._detector: Detector | None = None
 
     def detect(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Detection:
         """Find obstacles, with every step on the way."""
         if self._detector is None or self._detector.camera != camera:
-            self._detector = Detector(camera, self._config)
+            self._detector = Detector(camera, self._config, **self._changes)
         return self._detector.detect(left, right)
 
     def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:

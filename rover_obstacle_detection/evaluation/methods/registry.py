@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.evaluation.methods.ablation import WHOLE, left_out_stage
 from rover_obstacle_detection.evaluation.methods.depth_only import DepthOnly
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
 from rover_obstacle_detection.evaluation.methods.image_only import ImageOnly
@@ -32,7 +33,7 @@ USE_CLEARANCE = ('hybrid', 'wang', 'depth_only', 'patchwork', 'cloth')
 
 
 def make_method(name: str, config: DetectorConfig | None = None) -> Method:
-    """Make a method by its name.
+    """Make a method by its name, or the hybrid without a stage: ``hybrid without regions``.
 
     Raises
     ------
@@ -41,6 +42,10 @@ def make_method(name: str, config: DetectorConfig | None = None) -> Method:
     MissingExtraError
         If its library is not installed.
     """
+    stage = left_out_stage(name)
+    if stage is not None:
+        own = replace(config or DetectorConfig(), method=WHOLE)
+        return DetectorMethod(own, frozenset({stage}))
     if name not in METHODS:
         near = difflib.get_close_matches(name, METHODS, 1)
         hint = f' (did you mean {near[0]}?)' if near else ''

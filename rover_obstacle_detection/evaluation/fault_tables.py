@@ -1,0 +1,89 @@
+"""Tables of what goes wrong, and of what the stages of the hybrid are good for."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from rover_obstacle_detection.evaluation.losses import Losses
+from rover_obstacle_detection.evaluation.results import (
+    Evaluation,
+    mean_iou,
+    total,
+    worst_condition,
+)
+from rover_obstacle_detection.evaluation.tables import NONE, Table
+
+LOSS_HEADER = {
+    'missed': 'obstacles missed',
+    'invented': 'false blobs',
+    'too_wide': 'outlines too wide',
+    'too_narrow': 'outlines too narrow',
+}
+
+
+def causes_table(evaluation: Evaluation, method: str) -> Table:
+    """Count the faults of a method by kind and cause, the most frequent first."""
+    numbers: Counter[tuple[str, str]] = Counter()
+    pixels: Counter[tuple[str, str]] = Counter()
+    for result in evaluation.of(method):
+        for fault in (fault for frame in result.frames for fault in frame.faults):
+            sort = fault.kind, NONE if fault.cause is None else fault.cause.name
+            numbers[sort] += 1
+            pixels[sort] += fault.pixels
+    rows = [
+        (kind, cause, str(count), str(pixels[kind, cause]))
+        for (kind, cause), count in numbers.most_common()
+    ]
+    return Table(f'Faults of {method}', ('fault', 'likeliest cause', 'number', 'pixels'), rows)
+
+
+def losses_table(evaluation: Evaluation, method: str) -> Table:
+    """Say what the overlap of each scene lost to what."""
+    rows = []
+    for result in evaluation.of(method):
+        losses = Losses()
+        for frame in result.frames:
+            losses = losses + (frame.losses or Losses())
+        iou = losses.share('hit') if result.figures.obstacle_pixels else None
+        if iou is None:
+            continue
+        cells = [_part(losses, part) for part in LOSS_HEADER]
+        rows.append((result.scene, f'{iou:.3f}', *cells))
+    return Table(f'Losses of {method}', ('scene', 'IoU', *LOSS_HEADER.values()), rows)
+
+
+def ablation_table(evaluation: Evaluation, whole: str) -> Table:
+    """Compare a method with itself less a stage."""
+    of_whole = mean_iou(evaluation.of(whole))
+    rows = []
+    for method in evaluation.methods:
+        results = evaluation.of(method)
+        own = mean_iou(results)
+        figures = total(result.figures for result in results)
+        alarms = figures.false_alarms_per_frame
+        worst = worst_condition(evaluation, method)
+        rows.append(
+            (
+                method,
+                NONE if own is None else f'{own:.3f}',
+                NONE if own is None or of_whole is None else f'{own - of_whole:+.3f}',
+                f'{figures.obstacles_found}/{figures.obstacles}',
+                NONE if alarms is None else f'{alarms:.2f}',
+                NONE if worst is None else f'{worst[0]}: {worst[1]:.3f}',
+            )
+        )
+    header = (
+        'method',
+        'mean IoU',
+        'difference',
+        'obstacles',
+        'false alarms',
+        'worst condition',
+    )
+    return Table('Stages left out', header, rows)
+
+
+def _part(losses: Losses, part: str) -> str:
+    share = losses.share(part) or 0.0
+    width_px = losses.width_px(part) if part.startswith('too_') else None
+    return f'{share:.3f}' if width_px is None else f'{share:.3f} ({width_px:.1f} px)'
