@@ -13,16 +13,18 @@ from rover_obstacle_detection.errors import ConfigurationError
 Bounds = tuple[float, float]
 
 TUNED_BY_DEFAULT: Mapping[str, Bounds] = {
-    'uniqueness_ratio': (0, 30),
-    'speckle_size': (0, 300),
-    'P1': (50, 1500),
-    'P2': (300, 6000),
-    'min_seed_points': (3, 200),
-    'dark_grey_level': (0, 100),
-    'mean_shift_color_radius': (5, 60),
-    'min_region_size': (10, 1000),
+    'P1': (100, 1000),
+    'P2': (400, 4000),
+    'uniqueness_ratio': (0, 25),
+    'correlation_window_size': (3, 7),
+    'prefilter_cap': (15, 63),
+    'speckle_size': (10, 250),
+    'speckle_range': (1, 5),
 }
 """What decides in the method ``hybrid``, and where it is worth looking: far less than allowed."""
+
+OWN_VALUES: Mapping[str, float] = {'P1': 300, 'P2': 1200}
+"""What 0 stands for in the method ``hybrid``, where 0 is no value to compare others with."""
 
 ROVER_LIMITS = frozenset({'max_step', 'max_slope', 'min_range', 'max_range'})
 """What the rover can do or its owner wants; a score against labels says nothing about it."""
@@ -61,6 +63,10 @@ class SearchRange:
         """Tell whether a value could be tried."""
         on_step = self.step is None or (value - self.low) % self.step == 0
         return self.low <= value <= self.high and on_step
+
+    def as_tried(self, value: float) -> float:
+        """Return what a value means as one of the range."""
+        return value or OWN_VALUES.get(self.name, value)
 
     def rounded(self, value: float) -> float:
         """Round to what a person would write into a file, without leaving the range."""
