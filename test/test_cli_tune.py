@@ -211,6 +211,6 @@ def test_a_range_of_what_is_not_tuned_is_a_wrong_call(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        tune('bag', '-o', 'x.yaml', '--range', 'prefilter_cap=10:60')
+        tune('bag', '-o', 'x.yaml', '--parameter', 'P1', '--range', 'prefilter_cap=10:60')
     assert ended.value.code == 2
     assert 'add --parameter prefilter_cap' in capsys.readouterr().err

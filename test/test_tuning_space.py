@@ -49,9 +49,9 @@ def test_the_default_list_is_taken_where_none_is_given() -> None:
 
 
 def test_named_parameters_are_taken_once_and_in_order() -> None:
-    chosen = search_ranges(['speckle_range', 'prefilter_cap', 'speckle_range'])
-    assert [each.name for each in chosen] == ['speckle_range', 'prefilter_cap']
-    assert (chosen[0].low, chosen[0].high) == (0, 31)
+    chosen = search_ranges(['speckle_range', 'study_max_step', 'speckle_range'])
+    assert [each.name for each in chosen] == ['speckle_range', 'study_max_step']
+    assert (chosen[1].low, chosen[1].high) == (0.0, 1.0)
 
 
 def test_bounds_that_are_given_are_taken() -> None:
