@@ -19,6 +19,7 @@ import argparse
 import fnmatch
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from evaluation_blocks import BLOCKS
@@ -41,19 +42,22 @@ def main() -> None:
         chosen_methods(arguments.methods),
         arguments.workers,
     )
-    text = arguments.page.read_text(encoding='utf-8')
+    names = arguments.only or list(BLOCKS)
+    check_blocks(arguments.page.read_text(encoding='utf-8'), names)
+    failed = []
     with results:
-        for name in arguments.only or BLOCKS:
+        for name in names:
             try:
                 content = BLOCKS[name](results, arguments.page.parent)
-            except MissingExtraError as error:
-                print(f'block {name} stays as it is: {error}', file=sys.stderr)
-                continue
             except ObstacleDetectionError as error:
-                sys.exit(str(error))
-            text = with_block(text, name, content)
-    arguments.page.write_text(text, encoding='utf-8')
+                failed.append(f'block {name} stays as it was: {error}')
+                continue
+            # At once: what took half an hour is not lost with what fails after it.
+            text = with_block(arguments.page.read_text(encoding='utf-8'), name, content)
+            arguments.page.write_text(text, encoding='utf-8')
     print(f'written: {arguments.page}, in {time.monotonic() - started:.0f} s')
+    if failed:
+        sys.exit('\n'.join(failed))
 
 
 def parsed_arguments() -> argparse.Namespace:
@@ -127,14 +131,18 @@ def chosen_methods(asked: list[str] | None) -> list[str]:
     return installed
 
 
+def check_blocks(text: str, names: Sequence[str]) -> None:
+    """Refuse a page without the marks of a block before the work, not after it."""
+    for name in names:
+        if f'<!-- begin {name} -->\n' not in text or f'<!-- end {name} -->' not in text:
+            sys.exit(f'the page has no block {name}')
+
+
 def with_block(text: str, name: str, content: str) -> str:
     """Put content between the marks of a block."""
     begin, end = f'<!-- begin {name} -->\n', f'<!-- end {name} -->'
-    before, found, rest = text.partition(begin)
-    _, found_end, after = rest.partition(end)
-    if not (found and found_end):
-        sys.exit(f'the page has no block {name}')
-    return f'{before}{begin}\n{content}\n{end}{after}'
+    before, _, rest = text.partition(begin)
+    return f'{before}{begin}\n{content}\n{end}{rest.partition(end)[2]}'
 
 
 if __name__ == '__main__':

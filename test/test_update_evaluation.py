@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.evaluation.causes import Cause
 from rover_obstacle_detection.evaluation.faults import Fault
 from rover_obstacle_detection.evaluation.figures import Figures
@@ -46,12 +47,13 @@ def test_the_page_has_the_blocks_that_the_script_makes() -> None:
 
 
 def test_a_block_is_replaced_and_nothing_else() -> None:
-    from update_evaluation import with_block
+    from update_evaluation import check_blocks, with_block
 
     page = 'before\n<!-- begin a -->\n\nold\n\n<!-- end a -->\nafter\n'
     assert with_block(page, 'a', 'new\n') == page.replace('old', 'new\n').replace('\n\n\n', '\n\n')
+    check_blocks(page, ['a'])
     with pytest.raises(SystemExit, match='no block b'):
-        with_block(page, 'b', 'new')
+        check_blocks(page, ['a', 'b'])
 
 
 def test_the_worst_frames_are_shown_with_their_causes(tmp_path: Path) -> None:
@@ -128,3 +130,24 @@ def test_single_blocks_of_chosen_scenes(
     assert text.count('simulated_vga_moon') == 1
     assert '<!-- begin causes -->\n<!-- end causes -->' in text
     assert 'hybrid, timed: 1 scenes' in capsys.readouterr().err
+
+
+def test_a_block_that_fails_does_not_hold_up_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import update_evaluation
+
+    def fail(results, folder):
+        raise MissingExtraError('the pair needs scikit-image')
+
+    blocks = {'broken': fail, 'whole': lambda results, folder: 'new\n'}
+    monkeypatch.setattr(update_evaluation, 'BLOCKS', blocks)
+    page = tmp_path / 'page.md'
+    marks = ''.join(f'<!-- begin {name} -->\nold\n<!-- end {name} -->\n' for name in blocks)
+    page.write_text(marks)
+    (tmp_path / 'bags').mkdir()
+    call = ['x', '--bags', str(tmp_path / 'bags'), '--method', 'hybrid', '--page', str(page)]
+    monkeypatch.setattr(sys, 'argv', call)
+    with pytest.raises(SystemExit, match='block broken stays as it was: the pair needs'):
+        update_evaluation.main()
+    assert page.read_text() == marks.replace('old', '\nnew\n', 2).replace('\nnew\n', 'old', 1)
