@@ -79,7 +79,10 @@ class Surroundings:
         design = _design(places - centre)
         heights_m = self._height_m[window]
         thin = max(1, int(around.sum()) // MOST_PIXELS)
-        coefficients, *_ = np.linalg.lstsq(design[around][::thin], heights_m[around][::thin])
+        chosen = np.flatnonzero(around)[::thin]
+        coefficients, *_ = np.linalg.lstsq(
+            design.reshape(-1, 3)[chosen], heights_m.ravel()[chosen], rcond=None
+        )
         ground_m = np.full(inside.shape, np.nan, np.float32)
         ground_m[window] = design @ coefficients
         return ground_m
