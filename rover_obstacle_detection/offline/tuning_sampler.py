@@ -72,9 +72,7 @@ class Sampler:
         if self._asked is not None:
             self._study.tell(self._asked, score)
             return
-        values = {
-            each.name: each.as_tried(getattr(self._start, each.name)) for each in self._ranges
-        }
+        values = {each.name: each.value_in(self._start) for each in self._ranges}
         # What lies outside the ranges the optimiser cannot learn from.
         if all(each.contains(values[each.name]) for each in self._ranges):
             self._study.add_trial(

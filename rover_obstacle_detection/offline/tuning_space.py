@@ -64,9 +64,12 @@ class SearchRange:
         on_step = self.step is None or (value - self.low) % self.step == 0
         return self.low <= value <= self.high and on_step
 
-    def as_tried(self, value: float) -> float:
-        """Return what a value means as one of the range."""
-        return value or OWN_VALUES.get(self.name, value)
+    def value_in(self, config: DetectorConfig) -> float:
+        """Return the value of a configuration, a number also where it is the method's own."""
+        value: float = getattr(config, self.name)
+        if value == 0 and config.method == 'hybrid':
+            return OWN_VALUES.get(self.name, value)
+        return value
 
     def rounded(self, value: float) -> float:
         """Round to what a person would write into a file, without leaving the range."""
