@@ -29,3 +29,9 @@ def test_noise_is_what_a_small_change_of_disparity_does_to_a_point_on_the_ground
 
 def test_without_a_match_noise_has_no_bound():
     np.testing.assert_array_equal(height_noise_m(row(0, 5), 1.0, 0.25), row(np.inf, 0.05))
+
+
+def test_height_and_disparity_noise_may_be_those_of_each_pixel():
+    noise = height_noise_m(row(40, 20, 0), row(1.5, 1.0, 1.0), row(0.25, 0.1, 0.1))
+    assert noise.dtype == np.float32
+    np.testing.assert_allclose(noise, row(1.5 * 0.25 / 40, 0.1 / 20, np.inf), rtol=1e-6)

@@ -3,12 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import synthetic
+import waves
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.disparity import Penalties
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.ground_plane import DisparityPlane
+from rover_obstacle_detection.detection.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.warped_matching import (
+    NO_SHIFT,
     CoarseDisparity,
     coarse_disparity,
     residual_range,
@@ -75,6 +78,46 @@ def test_nothing_is_matched_outside_the_right_image():
     assert (found[(in_right > 8) & (in_right < 190)] > 0).mean() > 0.95
 
 
+@pytest.mark.parametrize('roll', [20.0, -20.0])
+def test_rock_on_a_plane_that_tilts_sideways(roll):
+    # Between a pixel and its match the plane's disparity changes by up to 2.7 px.
+    scene = synthetic.Scene(
+        synthetic.pinhole(320, 240, 60.0, 0.3),
+        46.0,
+        0.6,
+        roll_deg=roll,
+        solids=(synthetic.Box(0.0, 0.65, 0.3, 0.3, 0.15),),
+    )
+    view = synthetic.render(scene)
+    expected = expected_disparity(scene)
+    assert np.abs(np.diff(expected, axis=1)).max() == pytest.approx(0.119, abs=0.001)
+    assert np.median((view.disparity - expected)[view.obstacle]) > 15
+    found = warped_disparity(view.left, view.right, scene.camera, expected, (-8, 64), CONFIG, OWN)
+    error, valid = errors(found, view)
+    on_rock = view.obstacle[valid]
+    assert np.count_nonzero(on_rock) > 0.9 * np.count_nonzero(view.obstacle)
+    assert np.median(error[on_rock]) < 0.3
+    assert np.median(error[~on_rock]) < 0.1
+
+
+@pytest.mark.parametrize('residual', [-3.0, 0.0, 4.0])
+def test_rows_that_are_off_are_read_where_they_are(residual):
+    camera = synthetic.pinhole(200, 150, 60.0, 0.06)
+    truth = DisparityPlane(0.02, 0.05, 12.0)
+    alignment = RowAlignment(2.0, 0.02)
+    pair = waves.stereo_pair(camera, truth, alignment)
+    expected = truth.disparity(camera) - np.float32(residual)
+
+    def median_error(*given):
+        found = warped_disparity(*pair, camera, expected, (-8, 16), CONFIG, OWN, *given)
+        inner = np.s_[8:-8, 32:-8]
+        assert (found[inner] > 0).mean() > 0.9
+        return np.median(np.abs(found - truth.disparity(camera))[inner])
+
+    assert median_error(alignment) < 0.08
+    assert median_error() > 0.15
+
+
 @pytest.mark.parametrize(
     ('width', 'height', 'coarse'),
     [(1024, 768, (192, 256)), (640, 480, (120, 160)), (320, 240, (120, 160)), (64, 48, (48, 64))],
@@ -98,12 +141,34 @@ def test_coarse_disparity_is_in_pixels_of_its_camera(offset):
     assert np.abs(found.disparity - truth)[valid].mean() < 0.2
 
 
+@pytest.mark.parametrize(('offset', 'turn'), [(1.0, 0.0), (-1.0, 0.004)])
+def test_rows_that_are_off_are_told_in_pixels_of_the_full_image(offset, turn):
+    camera = synthetic.pinhole(640, 480, 60.0, 0.06)
+    truth = DisparityPlane(0.0, 0.06, 24.0)
+    pair = waves.stereo_pair(camera, truth, RowAlignment(offset, turn), shortest_px=16)
+    found = coarse_disparity(*pair, camera, CONFIG, OWN, 4)
+    assert found.reduction == 4
+    assert found.alignment.offset_px == pytest.approx(offset, abs=0.12)
+    assert found.alignment.turn == pytest.approx(turn, abs=5e-4)
+
+
+def test_smallest_disparity_is_in_pixels_of_the_full_image():
+    camera = synthetic.pinhole(640, 480, 60.0, 0.06)
+    truth = DisparityPlane(0.0, 0.05, 26.0)
+    pair = waves.stereo_pair(camera, truth, shortest_px=16)
+    found = coarse_disparity(*pair, camera, DetectorConfig(min_disparity=12), OWN, 4)
+    true = truth.disparity(camera)
+    assert true.min() > 13
+    assert (found.disparity > 0).mean() > 0.9
+    assert found.disparity[found.disparity > 0].min() > 3
+
+
 def coarse_of(residuals):
     """Flat ground expected at 5 px, found at 5 px and the residuals."""
     camera = synthetic.pinhole(40, 30, 60.0, 0.06)
     disparity = np.full(camera.shape, 5.0, np.float32)
     disparity.ravel()[: len(residuals)] += np.asarray(residuals, np.float32)
-    return CoarseDisparity(disparity, camera, 4.0), DisparityPlane(0.0, 0.0, 5.0)
+    return CoarseDisparity(disparity, camera, 4.0, NO_SHIFT), DisparityPlane(0.0, 0.0, 5.0)
 
 
 def test_search_covers_what_the_coarse_disparity_shows():
@@ -111,6 +176,17 @@ def test_search_covers_what_the_coarse_disparity_shows():
     assert lowest <= -2 * 4 - 1
     assert lowest + count > 3 * 4 + 1
     assert count % 16 == 0
+
+
+@pytest.mark.parametrize('slope', [0.2, -0.2])
+def test_search_covers_the_residual_that_a_plane_which_tilts_makes(slope):
+    # The plane's disparity is subtracted where the match is, not where the pixel is.
+    coarse, plane = coarse_of([12.0] * 100)
+    tilted = DisparityPlane(slope, 0.0, plane.level)
+    coarse.disparity[:] += tilted.disparity(coarse.camera) - np.float32(plane.level)
+    coarse.disparity[tilted.disparity(coarse.camera) <= 0] = 0
+    lowest, count = residual_range(coarse, tilted)
+    assert lowest + count > 12 * 4 / (1 - slope)
 
 
 def test_search_on_flat_ground_is_narrow():

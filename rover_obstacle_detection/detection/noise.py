@@ -10,7 +10,9 @@ WINDOW_NOISE_PX = 0.05
 
 
 def height_noise_m(
-    disparity: NDArray[np.float32], height_m: float, noise_px: float
+    disparity: NDArray[np.float32],
+    height_m: float | NDArray[np.float32],
+    noise_px: float | NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Estimate the standard deviation of the height above the local ground, metres.
 
@@ -18,9 +20,9 @@ def height_noise_m(
     ----------
     disparity : ndarray of float32, shape (height, width)
         Pixels; 0 where there is no match.
-    height_m : float
-        Of the left eye over the ground.
-    noise_px : float
+    height_m : float or ndarray of float32, shape (height, width)
+        Of the left eye over the ground, or over each point.
+    noise_px : float or ndarray of float32, shape (height, width)
         Standard deviation of the disparity, pixels.
 
     Returns
@@ -34,4 +36,4 @@ def height_noise_m(
     ``h`` on its way to the ground: ``sigma_H = h sigma_d / d = h sigma_d Z / (fx B)``.
     """
     with np.errstate(divide='ignore'):
-        return np.float32(height_m * noise_px) / disparity
+        return np.asarray(height_m * noise_px / disparity, np.float32)

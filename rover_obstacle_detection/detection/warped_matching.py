@@ -19,11 +19,15 @@ from rover_obstacle_detection.detection.disparity import (
     SUBPIXELS,
     Penalties,
     disparity_range,
-    plain_disparity,
     semi_global_match,
 )
 from rover_obstacle_detection.detection.ground_plane import DisparityPlane
+from rover_obstacle_detection.detection.row_alignment import (
+    RowAlignment,
+    estimate_row_alignment,
+)
 
+NO_SHIFT = RowAlignment()
 _TAIL = 0.002
 _MARGIN_PX = 5.0
 _MIN_COARSE_WIDTH = 160
@@ -31,11 +35,15 @@ _MIN_COARSE_WIDTH = 160
 
 @dataclass(frozen=True)
 class CoarseDisparity:
-    """Disparity at a fraction of the resolution, in pixels of that fraction, and its camera."""
+    """Disparity at a fraction of the resolution, in pixels of that fraction, and its camera.
+
+    With it comes what the pair's rows are off, in pixels of the full image.
+    """
 
     disparity: NDArray[np.float32]
     camera: StereoCamera
     reduction: float
+    alignment: RowAlignment
 
 
 def coarse_disparity(
@@ -51,17 +59,26 @@ def coarse_disparity(
     reduction = max(1, min(reduction, camera.width // _MIN_COARSE_WIDTH))
     size = camera.width // reduction, max(1, camera.height // reduction)
     small = camera.resized(*size)
+    lowest = math.floor(config.min_disparity * size[0] / camera.width)
     count = config.disparity_range or disparity_range(camera, config.min_range)
     count = max(16, math.ceil(count * size[0] / camera.width / 16) * 16)
-    disparity = plain_disparity(
-        np.asarray(cv2.resize(left, size, interpolation=cv2.INTER_AREA), np.uint8),
-        np.asarray(cv2.resize(right, size, interpolation=cv2.INTER_AREA), np.uint8),
+    small_left, small_right = (
+        np.asarray(cv2.resize(eye, size, interpolation=cv2.INTER_AREA), np.uint8)
+        for eye in (left, right)
+    )
+    # The search covers a large part of the width: a left border without matches would be wide.
+    disparity = warped_disparity(
+        small_left,
+        small_right,
         small,
-        count,
+        np.zeros(small.shape, np.float32),
+        (lowest, count),
         config,
         penalty,
     )
-    return CoarseDisparity(disparity, small, camera.width / size[0])
+    scale = camera.width / size[0]
+    alignment = estimate_row_alignment(small_left, small_right, disparity, small, scale)
+    return CoarseDisparity(disparity, small, scale, alignment)
 
 
 def residual_range(coarse: CoarseDisparity, plane: DisparityPlane) -> tuple[int, int]:
@@ -77,6 +94,8 @@ def residual_range(coarse: CoarseDisparity, plane: DisparityPlane) -> tuple[int,
     residual = (coarse.disparity - expected)[coarse.disparity > 0]
     if not residual.size:
         return -8, 16
+    # Matched at x - r, where a plane that tilts has less: it takes more to come to the residual.
+    residual /= min(max(1 - plane.slope_u, 0.5), 1.0)
     low, high = np.quantile(residual, (_TAIL, 1 - _TAIL)) * coarse.reduction
     lowest = math.floor(min(low, 0.0) - _MARGIN_PX)
     count = math.ceil((max(high, 0.0) + _MARGIN_PX - lowest) / 16) * 16
@@ -91,6 +110,7 @@ def warped_disparity(
     search: tuple[int, int],
     config: DetectorConfig,
     penalty: Penalties,
+    alignment: RowAlignment = NO_SHIFT,
 ) -> NDArray[np.float32]:
     """Match the left image with the right one warped by the expected disparity.
 
@@ -104,6 +124,8 @@ def warped_disparity(
         Lowest residual and how many, pixels.
     config : DetectorConfig
     penalty : Penalties
+    alignment : RowAlignment
+        Rows by which the right image is off.
 
     Returns
     -------
@@ -119,13 +141,11 @@ def warped_disparity(
     # The border continues the plane; what it shows is the right image where there is one.
     wide_expected = cv2.copyMakeBorder(expected, 0, 0, before, after, cv2.BORDER_REPLICATE)
     source_columns = columns[np.newaxis] - wide_expected - np.float32(camera.disparity_offset)
-    source_rows = np.broadcast_to(
-        np.arange(camera.height, dtype=np.float32)[:, np.newaxis], source_columns.shape
-    )
+    source_rows = alignment.rows(camera, columns)
     wide_right = cv2.remap(
         right,
         source_columns,
-        np.ascontiguousarray(source_rows),
+        source_rows,
         cv2.INTER_CUBIC,
         borderMode=cv2.BORDER_REPLICATE,
     )
@@ -135,7 +155,8 @@ def warped_disparity(
     )[:, before : before + camera.width]  # fmt: skip
     disparity = fixed.astype(np.float32)
     disparity *= np.float32(1 / SUBPIXELS)
-    disparity += expected
+    # Matched at x - r, the warp moved that pixel by the disparity expected there, not at x.
+    disparity += expected - disparity * np.gradient(expected, axis=1)
     seen_right = np.arange(camera.width, dtype=np.float32)[np.newaxis] - disparity
     seen_right -= np.float32(camera.disparity_offset)
     disparity[

@@ -1,0 +1,56 @@
+"""Stereo pairs of one plane, its texture a sum of waves: exact at any fraction of a pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.ground_plane import DisparityPlane
+from rover_obstacle_detection.detection.row_alignment import RowAlignment
+
+NO_SHIFT = RowAlignment()
+
+WAVES = 60
+
+
+def texture(columns, rows, *, towards_deg=(0.0, 180.0), shortest_px=5.0, contrast=30.0):
+    """Grey level around 128 with a standard deviation of ``contrast``.
+
+    Waves of ``shortest_px`` to 30 px run towards angles out of an interval, 0 to the right and
+    90 down: with a narrow one all the texture slants the same way.
+    """
+    generator = np.random.default_rng(0)
+    lengths = np.geomspace(shortest_px, 30, WAVES)
+    angles = np.radians(generator.uniform(*towards_deg, WAVES))
+    phases = generator.uniform(0, 2 * np.pi, WAVES)
+    grey = np.full(np.shape(columns), 128.0)
+    for length, angle, phase in zip(lengths, angles, phases, strict=True):
+        along = np.cos(angle) * columns + np.sin(angle) * rows
+        grey += contrast * np.sqrt(2 / WAVES) * np.sin(2 * np.pi / length * along + phase)
+    return grey
+
+
+def as_image(grey, noise=0.0, seed=1):
+    noisy = grey + np.random.default_rng(seed).normal(0, noise, grey.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def stereo_pair(
+    camera: StereoCamera,
+    plane: DisparityPlane,
+    alignment: RowAlignment = NO_SHIFT,
+    *,
+    noise=0.0,
+    brighter=0.0,
+    **look,
+):
+    """Left and right image; ``alignment`` is what the right one's rows are off."""
+    columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    left = texture(columns, rows, **look)
+    # Which left pixel a right one shows: column and row depend on each other through both.
+    straight = rows - alignment.offset_px + alignment.turn * camera.cx
+    seen_at = columns + camera.disparity_offset + plane.level - plane.slope_u * camera.cx
+    seen_at += plane.slope_v * (straight - camera.cy)
+    seen_at /= 1 - plane.slope_u + plane.slope_v * alignment.turn
+    right = texture(seen_at, straight - alignment.turn * seen_at, **look)
+    return as_image(left, noise, 1), as_image(right + brighter, noise, 2)
