@@ -12,6 +12,7 @@ from rover_obstacle_detection.detection.elevation_map import (
     cell_means,
     ground_axes,
     map_positions,
+    plane_coordinates,
     sample_map,
 )
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
@@ -28,6 +29,11 @@ def ground(pitch_deg=46.0, roll_deg=0.0):
 
 def plane_disparity(plane):
     return np.maximum(DisparityPlane.from_ground(plane, CAMERA).disparity(CAMERA), 0)
+
+
+def placed(disparity, plane, cell_m, max_range_m):
+    usable = disparity > CAMERA.disparity_at(max_range_m)
+    return map_positions(*plane_coordinates(disparity, CAMERA, plane), usable, cell_m)
 
 
 def positions(columns, rows, shape=(3, 4), cell_m=0.5):
@@ -53,25 +59,42 @@ def test_axes_of_a_level_camera():
 
 
 @pytest.mark.parametrize(('pitch', 'roll'), [(46, 0), (30, 10), (75, -5)])
+def test_coordinates_are_those_of_the_points_along_the_plane(pitch, roll):
+    plane = ground(pitch, roll)
+    disparity = np.random.default_rng(0).uniform(0.5, 20, CAMERA.shape).astype(np.float32)
+    points = reproject(disparity, CAMERA).astype(float)
+    found = plane_coordinates(disparity, CAMERA, plane)
+    for coordinate, axis in zip(found, ground_axes(plane), strict=True):
+        assert coordinate.dtype == np.float32
+        np.testing.assert_allclose(coordinate, points @ axis, atol=2e-5)
+
+
+def test_coordinates_without_a_match_are_zero():
+    disparity = np.full(CAMERA.shape, 5, np.float32)
+    disparity[7, 9] = 0
+    for coordinate in plane_coordinates(disparity, CAMERA, ground()):
+        assert coordinate[7, 9] == 0
+        assert np.isfinite(coordinate).all()
+
+
+@pytest.mark.parametrize(('pitch', 'roll'), [(46, 0), (30, 10), (75, -5)])
 def test_cells_are_metres_on_the_ground(pitch, roll):
     plane = ground(pitch, roll)
     disparity = plane_disparity(plane)
-    found = map_positions(disparity, CAMERA, plane, 0.05, 10.0)
+    found = placed(disparity, plane, 0.05, 10.0)
     right, forward = ground_axes(plane)
     points = reproject(disparity, CAMERA)[found.inside].astype(float)
     across, along = points @ right / 0.05, points @ forward / 0.05
     # The map's origin is a whole cell.
-    shift_across = found.column[found.inside] - across
-    shift_along = found.row[found.inside] - along
-    np.testing.assert_allclose(shift_across, np.round(shift_across[0]), atol=1e-3)
-    np.testing.assert_allclose(shift_along, np.round(shift_along[0]), atol=1e-3)
+    np.testing.assert_allclose(found.column[found.inside] + found.first_column, across, atol=1e-3)
+    np.testing.assert_allclose(found.row[found.inside] + found.first_row, along, atol=1e-3)
 
 
 @pytest.mark.parametrize(('pitch', 'roll'), [(46, 0), (30, 10), (0, -5)])
 def test_cells_lie_as_deep_as_their_pixels(pitch, roll):
     plane = ground(pitch, roll)
     disparity = plane_disparity(plane)
-    found = map_positions(disparity, CAMERA, plane, 0.02, 5.0)
+    found = placed(disparity, plane, 0.02, 5.0)
     depths = cell_depths(found, plane)
     assert depths.shape == found.shape
     assert depths.dtype == np.float32
@@ -79,10 +102,10 @@ def test_cells_lie_as_deep_as_their_pixels(pitch, roll):
     np.testing.assert_allclose(sampled, CAMERA.depth_m(disparity[found.inside]), atol=2e-3)
 
 
-def test_pixels_without_depth_or_too_far_are_outside():
+def test_pixels_that_are_not_usable_are_outside():
     disparity = plane_disparity(ground(20.0))
     disparity[40, 10] = 0
-    found = map_positions(disparity, CAMERA, ground(20.0), 0.05, 4.0)
+    found = placed(disparity, ground(20.0), 0.05, 4.0)
     np.testing.assert_array_equal(found.inside, disparity > CAMERA.disparity_at(4.0))
     assert not found.inside[40, 10]
     assert (found.column[~found.inside] <= -5).all()
@@ -94,7 +117,7 @@ def test_every_point_falls_into_the_map(seed, pitch, cell):
     generator = np.random.default_rng(seed)
     disparity = generator.uniform(0.2, 20, CAMERA.shape).astype(np.float32)
     disparity[generator.random(CAMERA.shape) < 0.5] = 0
-    found = map_positions(disparity, CAMERA, ground(pitch), cell, 20.0)
+    found = placed(disparity, ground(pitch), cell, 20.0)
     rows, columns = found.shape
     inside = found.inside
     assert (found.row[inside] >= 0).all()
@@ -107,7 +130,7 @@ def test_every_point_falls_into_the_map(seed, pitch, cell):
 
 def test_map_of_nothing_is_one_empty_cell():
     nothing = np.zeros(CAMERA.shape, np.float32)
-    found = map_positions(nothing, CAMERA, ground(), 0.05, 10.0)
+    found = placed(nothing, ground(), 0.05, 10.0)
     assert found.shape == (1, 1)
     assert not found.inside.any()
     mean, weight = cell_means(nothing, nothing, found)

@@ -109,6 +109,14 @@ def test_depth_counts_against_the_limit(depth, found):
     assert drops(hollow(depth)).any() == found
 
 
+def test_limit_of_the_depth_may_vary_over_the_map():
+    relief = hollow(0.3)
+    limit = np.full(relief.shape, 0.1, np.float32)
+    limit[:, 50:] = 0.4
+    left = np.broadcast_to(np.arange(100) < 50, relief.shape)
+    np.testing.assert_array_equal(drops(relief, limit=limit), (relief < 0) & left)
+
+
 def test_flat_ground_and_slopes_are_no_drops():
     assert not drops(np.zeros((80, 100))).any()
     rows, columns = np.mgrid[:80, :100] * CELL_M

@@ -52,14 +52,10 @@ def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.fl
     return right, np.cross(normal, right)
 
 
-def map_positions(
-    disparity: NDArray[np.float32],
-    camera: StereoCamera,
-    ground: GroundPlane,
-    cell_m: float,
-    max_range_m: float,
-) -> MapPositions:
-    """Place every pixel on the map.
+def plane_coordinates(
+    disparity: NDArray[np.float32], camera: StereoCamera, ground: GroundPlane
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Find how far to the right and forward of the camera each point lies, along the plane.
 
     Parameters
     ----------
@@ -68,29 +64,46 @@ def map_positions(
     camera : StereoCamera
         Of the disparity's size.
     ground : GroundPlane
-    cell_m, max_range_m : float
-        Side of a cell; farther points are left out.
+
+    Returns
+    -------
+    across_m, along_m : ndarray of float32, shape (height, width)
+        Metres; 0 where there is no match.
     """
     right, forward = ground_axes(ground)
     x_over_z, y_over_z = camera.rays()
-    usable = disparity > camera.disparity_at(max_range_m)
-    depth_cells = np.zeros_like(disparity)
+    depth_m = np.zeros_like(disparity)
     np.divide(
-        np.float32(camera.fx * camera.baseline_m / cell_m),
-        disparity,
-        out=depth_cells,
-        where=usable,
+        np.float32(camera.fx * camera.baseline_m), disparity, out=depth_m, where=disparity > 0
     )
-    across = depth_cells * (
-        np.float32(right[0]) * x_over_z + (np.float32(right[1]) * y_over_z + np.float32(right[2]))
+    across, along = (
+        depth_m
+        * (np.float32(axis[0]) * x_over_z + (np.float32(axis[1]) * y_over_z + np.float32(axis[2])))
+        for axis in (right, forward)
     )
-    along = depth_cells * (
-        np.float32(forward[0]) * x_over_z
-        + (np.float32(forward[1]) * y_over_z + np.float32(forward[2]))
-    )
+    return across, along
+
+
+def map_positions(
+    across_m: NDArray[np.float32],
+    along_m: NDArray[np.float32],
+    usable: NDArray[np.bool_],
+    cell_m: float,
+) -> MapPositions:
+    """Place every usable pixel on a map just large enough for them.
+
+    Parameters
+    ----------
+    across_m, along_m : ndarray of float32, shape (height, width)
+        As `plane_coordinates` gives them.
+    usable : ndarray of bool, shape (height, width)
+    cell_m : float
+        Side of a cell.
+    """
     if not usable.any():
-        outside = np.full_like(disparity, -10)
+        outside = np.full_like(across_m, -10)
         return MapPositions(outside, outside, (1, 1), cell_m)
+    across, along = across_m / np.float32(cell_m), along_m / np.float32(cell_m)
     first_column, last_column = _extent(across, usable)
     first_row, last_row = _extent(along, usable)
     across -= first_column

@@ -97,7 +97,7 @@ def _follow(height_m: Grid, weight: Grid, trend: Grid, sigma_cells: float) -> Gr
 
 def _regress(height_m: Grid, weight: Grid, sigma_cells: float) -> Grid:
     """Local linear regression with Gaussian weights, on a grid coarse enough for its width."""
-    reduction = max(1, math.floor(sigma_cells / 4))
+    reduction = max(1, math.floor(sigma_cells / 3))
     rows, columns = height_m.shape
     small = max(1, columns // reduction), max(1, rows // reduction)
     if reduction > 1:
@@ -106,39 +106,38 @@ def _regress(height_m: Grid, weight: Grid, sigma_cells: float) -> Grid:
     else:
         mass, moment = weight, weight * height_m
     sigma = sigma_cells * small[0] / columns
-    value = _local_line(np.asarray(moment, np.float64), np.asarray(mass, np.float64), sigma)
+    value = _local_line(np.asarray(moment, np.float32), np.asarray(mass, np.float32), sigma)
     if reduction > 1:
         wide = cv2.resize(value, (columns, rows), interpolation=cv2.INTER_LINEAR)
         return np.asarray(wide, np.float32)
     return np.asarray(value, np.float32)
 
 
-def _local_line(
-    moment: NDArray[np.float64], mass: NDArray[np.float64], sigma: float
-) -> NDArray[np.float64]:
+def _local_line(moment: Grid, mass: Grid, sigma: float) -> Grid:
     radius = max(1, math.ceil(3.5 * sigma))
-    offsets = np.arange(-radius, radius + 1, dtype=np.float64)
+    offsets = np.arange(-radius, radius + 1, dtype=np.float32)
     bell = np.exp(-0.5 * (offsets / sigma) ** 2)
 
-    def blurred(image: NDArray[np.float64], u_power: int, v_power: int) -> NDArray[np.float64]:
+    def blurred(image: Grid, u_power: int, v_power: int) -> Grid:
         return np.asarray(
             cv2.sepFilter2D(
-                image, cv2.CV_64F, bell * offsets**u_power, bell * offsets**v_power,
+                image, cv2.CV_32F, bell * offsets**u_power, bell * offsets**v_power,
                 borderType=cv2.BORDER_CONSTANT,
-            )
+            ),
+            np.float32,
         )  # fmt: skip
 
     n, u, v = blurred(mass, 0, 0), blurred(mass, 1, 0), blurred(mass, 0, 1)
     uu, uv, vv = blurred(mass, 2, 0), blurred(mass, 1, 1), blurred(mass, 0, 2)
     h, uh, vh = blurred(moment, 0, 0), blurred(moment, 1, 0), blurred(moment, 0, 1)
-    n = np.maximum(n, 1e-12)
+    n = np.maximum(n, 1e-9)
     mean_u, mean_v, mean_h = u / n, v / n, h / n
     # A ridge of a fraction of the window keeps the slope tame where cells lie on a line.
     ridge = 0.02 * sigma**2
     cuu, cvv = uu / n - mean_u**2 + ridge, vv / n - mean_v**2 + ridge
     cuv = uv / n - mean_u * mean_v
     cuh, cvh = uh / n - mean_u * mean_h, vh / n - mean_v * mean_h
-    determinant = np.maximum(cuu * cvv - cuv**2, 1e-12)
+    determinant = np.maximum(cuu * cvv - cuv**2, 1e-9)
     slope_u = (cuh * cvv - cvh * cuv) / determinant
     slope_v = (cvh * cuu - cuh * cuv) / determinant
-    return np.asarray(mean_h - slope_u * mean_u - slope_v * mean_v)
+    return np.asarray(mean_h - slope_u * mean_u - slope_v * mean_v, np.float32)

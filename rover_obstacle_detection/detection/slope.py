@@ -44,7 +44,7 @@ def dropped_cells(
     seen: NDArray[np.bool_],
     cell_m: float,
     surroundings_m: float,
-    max_drop_m: float,
+    max_drop_m: float | Grid,
 ) -> NDArray[np.bool_]:
     """Find the cells that lie deeper below their surroundings than the rover can step.
 
@@ -58,7 +58,7 @@ def dropped_cells(
         Side of a cell, metres.
     surroundings_m : float
         Hollows narrower than this are drops; wider ones are terrain, metres.
-    max_drop_m : float
+    max_drop_m : float or ndarray of float32, shape (rows, columns)
 
     Notes
     -----

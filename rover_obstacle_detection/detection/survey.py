@@ -1,0 +1,187 @@
+"""The terrain in view: height of every pixel over the ground around it, near and far."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.elevation_map import (
+    Grid,
+    MapPositions,
+    cell_means,
+    map_positions,
+    plane_coordinates,
+    sample_map,
+)
+from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.local_ground import local_ground
+from rover_obstacle_detection.detection.noise import height_noise_m
+
+Image = NDArray[np.float32]
+
+# Scales of the terrain, in metres: what a wheel feels, what a rock is, what the ground does.
+CELL_PER_STEP = 0.4
+MAX_LAYERS = 5
+OPENING_M = 0.7
+TREND_M = 0.4
+SMOOTHING_M = 0.08
+WITHIN_CELL_M = 0.03
+GROUND_SHARE = 0.5
+
+# A layer ends where two image rows lie a cell and a half apart, and sees a little beyond.
+_ROWS_PER_CELL = 2.0
+_OVERLAP = 1.25
+_OVERLAP_M = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A map of the ground for one span of distances, its cells as coarse as the view is there.
+
+    Parameters
+    ----------
+    positions : MapPositions
+        Of the pixels that made it, some beyond its span.
+    ground_m : ndarray of float32, shape (rows, columns)
+        Height of the ground over the plane, metres.
+    seen : ndarray of bool, shape (rows, columns)
+    pixels : ndarray of bool, shape (height, width)
+        Pixels within its span.
+    """
+
+    positions: MapPositions
+    ground_m: Grid
+    seen: NDArray[np.bool_]
+    pixels: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """What was measured of each pixel.
+
+    Parameters
+    ----------
+    height_m : ndarray of float32, shape (height, width)
+        Above the local ground, metres; NaN where there is no 3D within range.
+    noise_m : ndarray of float32, shape (height, width)
+        Its standard deviation, metres; infinite where there is no match.
+    pixels_per_metre : ndarray of float32, shape (height, width)
+        Of the image, at the pixel's distance; 0 where there is no match.
+    layers : tuple of Layer
+        Nearest first.
+    """
+
+    height_m: Image
+    noise_m: Image
+    pixels_per_metre: Image
+    layers: tuple[Layer, ...]
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Pixels with a height."""
+        return np.isfinite(self.height_m)
+
+
+def survey(
+    disparity: Image,
+    noise_px: Image,
+    expected: Image,
+    camera: StereoCamera,
+    ground: GroundPlane,
+    config: DetectorConfig,
+    *,
+    layered: bool = True,
+) -> Terrain:
+    """Measure the height of every pixel above the ground around it.
+
+    Parameters
+    ----------
+    disparity : ndarray of float32, shape (height, width)
+        Pixels, the camera's offset taken off; 0 where there is no match.
+    noise_px : ndarray of float32, shape (height, width)
+        Standard deviation of the disparity, pixels.
+    expected : ndarray of float32, shape (height, width)
+        Disparity of the ground plane.
+    camera : StereoCamera
+    ground : GroundPlane
+    config : DetectorConfig
+    layered : bool
+        Whether cells grow with the distance; else one map of the finest serves all.
+
+    Notes
+    -----
+    On the ground the distance between image rows and the noise of distance both grow with its
+    square, so one cell size cannot serve a near and a far rock: each layer's cells are twice as
+    wide as those of the one before.
+    """
+    in_range = disparity > camera.disparity_at(config.max_range)
+    over_plane_m = np.zeros_like(disparity)
+    np.divide(
+        np.float32(ground.height_m) * (disparity - expected),
+        disparity,
+        out=over_plane_m,
+        where=in_range,
+    )
+    # A point moves along its ray, which comes down from the eye to where the point is.
+    below_eye_m = np.maximum(ground.height_m - over_plane_m, 0.3 * ground.height_m)
+    noise_m = height_noise_m(disparity, below_eye_m, noise_px)
+    across_m, along_m = plane_coordinates(disparity, camera, ground)
+    rise = math.tan(math.radians(config.max_slope))
+    # Ground is what could be driven up to: false matches in the sky would make some nearby.
+    ground_like = in_range & (over_plane_m <= rise * along_m + config.max_step)
+    height_m = np.full_like(disparity, np.nan)
+    layers = []
+    nearest_m = -math.inf
+    spans = list(layer_spans(camera, ground.height_m, config))
+    for cell_m, farthest_m in spans if layered else [(spans[0][0], math.inf)]:
+        usable = in_range & (along_m <= farthest_m * _OVERLAP + _OVERLAP_M)
+        pixels = in_range & (along_m > nearest_m) & (along_m <= farthest_m)
+        nearest_m = farthest_m
+        if not pixels.any():
+            continue
+        positions = map_positions(across_m, along_m, usable, cell_m)
+        trust = np.zeros_like(disparity)
+        relief = np.float32(WITHIN_CELL_M**2)
+        np.divide(relief, relief + noise_m * noise_m, out=trust, where=usable & ground_like)
+        mean_m, weight = cell_means(over_plane_m, trust, positions)
+        ground_m = local_ground(
+            mean_m,
+            weight,
+            cell_m,
+            opening_m=max(OPENING_M, 3 * cell_m),
+            trend_m=max(TREND_M, 2.5 * cell_m),
+            smoothing_m=max(SMOOTHING_M, 1.2 * cell_m),
+            tolerance_m=GROUND_SHARE * config.max_step,
+        )
+        height_m[pixels] = (over_plane_m - sample_map(ground_m, positions))[pixels]
+        layers.append(Layer(positions, ground_m, weight > 0, pixels))
+    pixels_per_metre = disparity / np.float32(camera.baseline_m)
+    return Terrain(height_m, noise_m, pixels_per_metre, tuple(layers))
+
+
+def layer_spans(
+    camera: StereoCamera, height_m: float, config: DetectorConfig
+) -> Iterator[tuple[float, float]]:
+    """Give side of a cell and farthest distance of each layer, metres, nearest first.
+
+    Parameters
+    ----------
+    camera : StereoCamera
+    height_m : float
+        Of the left eye over the ground.
+    config : DetectorConfig
+    """
+    cell_m = CELL_PER_STEP * config.max_step
+    for number in range(MAX_LAYERS):
+        farthest_m = math.sqrt(camera.fy * height_m * cell_m * _ROWS_PER_CELL)
+        if farthest_m >= config.max_range or number == MAX_LAYERS - 1:
+            yield cell_m, math.inf
+            return
+        yield cell_m, farthest_m
+        cell_m *= 2

@@ -1,0 +1,123 @@
+"""The vertical where nobody tells it: the rover stands level on the ground before it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.elevation_map import ground_axes
+from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.survey import Layer
+
+_SAMPLES = 2000
+_RANGE_M = 12.0
+_ITERATIONS = 5
+_RELIEF_M = 0.03
+_NEARNESS = 2.0
+_HINGES = 14
+_BEND_WIDTHS_M = (0.05, 0.15, 0.3)
+_MIN_BEND_DEG = 6.0
+_MAX_COST_SHARE = 0.8
+_LEVEL_SHARE = 0.5
+
+Cells = NDArray[np.float64]
+
+
+def estimate_vertical(layers: Sequence[Layer], ground: GroundPlane) -> tuple[float, float, float]:
+    """Find the normal of the ground that the rover stands on.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+    ground : GroundPlane
+        The plane over which the layers are measured.
+
+    Returns
+    -------
+    tuple of float
+        Unit vector in the left optical frame.
+
+    Notes
+    -----
+    Undulation tilts a small patch of ground more than a large one, so all that is seen within
+    12 m is fitted, by its share of the view from above and the nearer the more. But a slope ahead
+    is no part of what the rover stands on: where a plane with a bend across the view fits much
+    better, its near side counts, together with a plane through the nearer half of what lies before
+    the bend, for a bend of ground is no edge: its rise grows over up to 0.3 m on either side
+    (softplus). All fits are iteratively reweighted least squares with Cauchy weights.
+    """
+    cells = _cells(layers)
+    if len(cells) < 20:
+        return ground.up
+    flat, flat_cost = _fit(cells, None, 1.0)
+    first, last = np.quantile(cells[:, 1], (0.02, 0.98))
+    bent, cost, hinge_m = min(
+        (
+            (*_fit(cells, float(hinge_m), width_m), float(hinge_m))
+            for hinge_m in np.geomspace(1.3 * first, 0.75 * last, _HINGES)
+            for width_m in _BEND_WIDTHS_M
+        ),
+        key=lambda each: each[1],
+    )
+    rises = flat[1:3]
+    if cost < _MAX_COST_SHARE * flat_cost and abs(_bend_deg(bent)) > _MIN_BEND_DEG:
+        rises = bent[1:3]
+        level = cells[cells[:, 1] < first + _LEVEL_SHARE * (hinge_m - first)]
+        if len(level) >= 20:
+            rises = np.array([bent[1], (bent[2] + _fit(level, None, 1.0)[0][2]) / 2])
+    right, forward = ground_axes(ground)
+    normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
+    x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
+    return x, y, z
+
+
+def _cells(layers: Sequence[Layer]) -> Cells:
+    """Rows of right, forward, height (m) and weight of the seen cells, nearest layer first."""
+    parts: list[Cells] = []
+    nearest_m = -math.inf
+    for layer in layers:
+        positions = layer.positions
+        rows, columns = np.nonzero(layer.seen)
+        forward = (rows + positions.first_row) * positions.cell_m
+        across = (columns + positions.first_column) * positions.cell_m
+        own = (forward > max(nearest_m, 0.05)) & (forward <= _RANGE_M)
+        if not own.any():
+            continue
+        nearest_m = float(forward[own].max())
+        height = layer.ground_m[rows, columns]
+        distance = np.maximum(np.hypot(across, forward), 0.3)
+        weight = positions.cell_m**2 / distance**_NEARNESS
+        parts.append(np.column_stack((across, forward, height, weight))[own].astype(np.float64))
+    if not parts:
+        return np.empty((0, 4))
+    cells = np.concatenate(parts)
+    cells = cells[:: max(1, len(cells) // _SAMPLES)]
+    cells[:, 3] /= cells[:, 3].sum()
+    return cells
+
+
+def _fit(cells: Cells, hinge_m: float | None, width_m: float) -> tuple[NDArray[np.float64], float]:
+    """Level, rise to the right, rise forward, and further rise beyond the hinge; and its cost."""
+    across, forward, height, share = cells.T
+    beyond = np.zeros_like(forward)
+    if hinge_m is not None:
+        beyond = width_m * np.logaddexp(0, (forward - hinge_m) / width_m)
+    design = np.column_stack((np.ones_like(across), across, forward, beyond))
+    weight = share
+    solution = np.zeros(4)
+    for _ in range(_ITERATIONS):
+        weighted = design * weight[:, np.newaxis]
+        normal_matrix = weighted.T @ design
+        normal_matrix[np.diag_indices(4)] += 1e-6 * np.trace(normal_matrix)
+        solution = np.linalg.solve(normal_matrix, weighted.T @ height)
+        squares = ((height - design @ solution) / _RELIEF_M) ** 2
+        weight = share / (1 + squares)
+    return solution, float(np.sum(share * np.log1p(squares)))
+
+
+def _bend_deg(solution: NDArray[np.float64]) -> float:
+    _, _, near, further = solution
+    return math.degrees(math.atan(near + further) - math.atan(near))
