@@ -17,7 +17,7 @@ setup(
     author_email='maintainers@rover-obstacle-detection.example',
     license='Apache-2.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={package_name: ['py.typed', '**/*.j2', '**/*.xml', '**/*.yaml']},
+    package_data={package_name: ['py.typed', '**/*.j2', '**/*.onnx', '**/*.xml', '**/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -49,6 +49,7 @@ setup(
         'data': ['scikit-image>=0.22'],
         'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],
         'tune': ['optuna>=4'],
+        'train': ['onnx>=1.15', 'torch>=2.2'],
         'test': [
             'hypothesis>=6',
             'mcap-ros2-support>=0.5.3',

@@ -1,0 +1,259 @@
+"""Train the filter that draws the outlines of obstacles, and write it into the package.
+
+    pip install '.[sim,train]'
+    python scripts/train_outlines.py
+
+Trains on the scenes of the suite `training` (rendered if need be), and reports on the scenes
+``tune_*`` of the standard suite, which it does not train on; those named ``report_*`` it never
+reads. Needs PyTorch, the package needs only the file that comes out of it. On two cores that takes
+half an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from torch.nn import functional
+
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.detection import outline_model
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.ground_matching import match_against_ground
+from rover_obstacle_detection.detection.hazards import standing_parts
+from rover_obstacle_detection.detection.image import grey_pair
+from rover_obstacle_detection.detection.outline_planes import PLANES, outline_planes
+from rover_obstacle_detection.detection.survey import survey
+from rover_obstacle_detection.evaluation.frame import LabelledFrame
+from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK
+from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
+from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
+from rover_obstacle_detection.simulation.cache import cache_folder, simulated_bag
+from rover_obstacle_detection.simulation.suite import load_suite
+
+MODEL = Path(outline_model.__file__).with_name(outline_model.MODEL_FILE)
+CROP = 160
+BATCH = 10
+RATE = 3e-3
+PLACES = 40
+HEIGHT = PLANES.index('height over the step')
+STANDING = PLANES.index('standing part')
+MEASURED = PLANES.index('measured')
+SCALE = PLANES.index('scale')
+GREY = PLANES.index('grey level against the ground')
+
+
+class OutlineNet(nn.Module):
+    """Halves the resolution three times and comes back; four logits for each 2 x 2 pixels."""
+
+    def __init__(self, fine: int = 12, middle: int = 16, coarse: int = 24) -> None:
+        super().__init__()
+        self.down = nn.ModuleList(
+            nn.Sequential(
+                nn.Conv2d(before, after, 4, 2, 1),
+                nn.ReLU(),
+                nn.Conv2d(after, after, 3, 1, 1),
+                nn.ReLU(),
+            )
+            for before, after in ((len(PLANES), fine), (fine, middle), (middle, coarse))
+        )
+        self.up = nn.ModuleList(
+            nn.ConvTranspose2d(before, after, 2, 2)
+            for before, after in ((coarse, middle), (middle, fine))
+        )
+        self.merge = nn.ModuleList(
+            nn.Sequential(nn.Conv2d(2 * width, width, 3, 1, 1), nn.ReLU())
+            for width in (middle, fine)
+        )
+        self.out = nn.Conv2d(fine, 4, 3, 1, 1)
+
+    def forward(self, planes: torch.Tensor) -> torch.Tensor:
+        """Return logits, shape (n, 4, height / 2, width / 2)."""
+        levels = []
+        for down in self.down:
+            planes = down(planes)
+            levels.append(planes)
+        for up, merge, level in zip(self.up, self.merge, levels[-2::-1], strict=True):
+            planes = merge(torch.cat((up(planes), level), 1))
+        return self.out(planes)
+
+
+@dataclass(frozen=True)
+class Example:
+    """Planes of a frame, which pixels are on rocks, which count, and where to look."""
+
+    planes: torch.Tensor
+    rock: torch.Tensor
+    counted: torch.Tensor
+    places: NDArray[np.intp]
+
+
+def main() -> None:
+    """Train, report, write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--steps', type=int, default=10_000)
+    parser.add_argument('--output', type=Path, default=MODEL)
+    arguments = parser.parse_args()
+    torch.manual_seed(0)
+    training = [example_of(frame) for frame in frames_of('training', '')]
+    held_out = [example_of(frame) for frame in frames_of('standard', 'tune_')]
+    net = OutlineNet()
+    train(net, training, arguments.steps)
+    print(f'mean IoU of rocks on the tuning scenes: {mean_iou(net, held_out):.3f}')
+    export(net, arguments.output)
+    print(f'written: {arguments.output}, {arguments.output.stat().st_size} bytes')
+
+
+def frames_of(suite: str, prefix: str) -> Iterator[LabelledFrame]:
+    """Labelled frames of the scenes of a suite whose names begin so."""
+    for scene in load_suite(suite):
+        if scene.name.startswith(prefix):
+            print(f'scene {scene.name}', file=sys.stderr)
+            with open_bag(simulated_bag(scene, cache_folder())) as bag:
+                frames, _ = labelled_frames(bag, find_truth_topics(bag), BagOptions())
+                yield from (frame for frame in frames if isinstance(frame, LabelledFrame))
+
+
+def example_of(frame: LabelledFrame) -> Example:
+    """Make a frame's planes as the detector makes them."""
+    config = DetectorConfig()
+    pair = grey_pair(frame.left, frame.right, frame.camera)
+    stereo = match_against_ground(pair, frame.camera, config, None, None, lambda stage: None)
+    terrain = survey(
+        stereo.disparity, stereo.noise_px, stereo.expected, frame.camera, stereo.ground, config
+    )
+    standing = standing_parts(terrain, config)
+    planes = outline_planes(terrain, stereo.noise_px, standing, stereo.pair[0], config)
+    rock = frame.labels == ROCK
+    # Slopes and drops are found by other means: there the filter may say what it likes.
+    counted = rock | (frame.labels == FREE)
+    assert NOT_COUNTED != FREE
+    places = even_places(rock | (planes[STANDING] > 0))
+    return Example(
+        torch.from_numpy(planes.astype(np.float16)),
+        torch.from_numpy(rock),
+        torch.from_numpy(counted),
+        places,
+    )
+
+
+def even_places(where: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Draw some pixels of each connected part, as many of a small one as of a large one."""
+    _, parts = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
+    generator = np.random.default_rng(0)
+    pixels = generator.permutation(np.flatnonzero(parts))
+    order = np.argsort(parts.ravel()[pixels], kind='stable')
+    pixels = pixels[order]
+    _, first, count = np.unique(parts.ravel()[pixels], return_index=True, return_counts=True)
+    rank = np.arange(len(pixels)) - np.repeat(first, count)
+    return np.stack(np.unravel_index(pixels[rank < PLACES], parts.shape), axis=1)
+
+
+def train(net: OutlineNet, examples: Sequence[Example], steps: int) -> None:
+    """Minimise cross-entropy and one minus the soft IoU of random crops."""
+    generator = np.random.default_rng(0)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=3e-3)
+    net.to(memory_format=torch.channels_last)
+    for number in range(steps):
+        rate = RATE * min(1, number / 100) * 0.5 * (1 + math.cos(math.pi * number / steps))
+        for group in optimizer.param_groups:
+            group['lr'] = rate + 1e-5
+        crops = [
+            crop(examples[generator.integers(len(examples))], generator) for _ in range(BATCH)
+        ]
+        planes, rock, counted = (torch.stack(each) for each in zip(*crops, strict=True))
+        logit = full_resolution(net, planes.to(memory_format=torch.channels_last))
+        entropy = functional.binary_cross_entropy_with_logits(logit, rock, reduction='none')
+        found = torch.sigmoid(logit) * counted
+        both = (found * rock).sum()
+        iou = both / ((found + rock * counted).sum() - both + 1)
+        loss = (entropy * counted).sum() / counted.sum() + 0.3 * (1 - iou)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        if number % 500 == 499:
+            print(f'step {number + 1}: loss {float(loss.detach()):.3f}', file=sys.stderr)
+
+
+def full_resolution(net: OutlineNet, planes: torch.Tensor) -> torch.Tensor:
+    """Logits of each pixel, shape (n, height, width)."""
+    return functional.pixel_shuffle(net(planes), 2)[:, 0]
+
+
+def crop(
+    example: Example, generator: np.random.Generator
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Cut out a square, mostly around something, at a random scale and contrast."""
+    height, width = example.rock.shape
+    factor = math.exp(generator.uniform(math.log(0.7), math.log(1.5)))
+    if generator.random() > 0.6:
+        factor = 1.0
+    size = min(int(CROP / factor), height, width)
+    if len(example.places) and generator.random() < 0.75:
+        row, column = example.places[generator.integers(len(example.places))]
+        row += generator.integers(-size // 3, size // 3 + 1)
+        column += generator.integers(-size // 3, size // 3 + 1)
+    else:
+        row, column = generator.integers(height), generator.integers(width)
+    top = int(np.clip(row - size // 2, 0, height - size))
+    left = int(np.clip(column - size // 2, 0, width - size))
+    window = np.s_[..., top : top + size, left : left + size]
+    planes = example.planes[window].float()[None]
+    targets = torch.stack((example.rock[window], example.counted[window])).float()[None]
+    if size != CROP:
+        planes = functional.interpolate(planes, (CROP, CROP), mode='bilinear')
+        targets = functional.interpolate(targets, (CROP, CROP), mode='nearest')
+        planes[:, MEASURED] = (planes[:, MEASURED] > 0.5).float()
+        planes[:, SCALE] += math.log(CROP / size) / 3
+    planes[:, GREY] *= math.exp(generator.normal(0, 0.25))
+    planes[:, GREY] += generator.normal(0, 0.05)
+    bumps = torch.from_numpy(generator.normal(0, 1, (1, 1, CROP // 16, CROP // 16)))
+    bumps = functional.interpolate(bumps.float(), (CROP, CROP), mode='bilinear')
+    planes[:, HEIGHT] += bumps[:, 0] * generator.uniform(0, 0.08)
+    if generator.random() < 0.5:
+        planes, targets = planes.flip(-1), targets.flip(-1)
+    return planes[0], targets[0, 0], targets[0, 1]
+
+
+def mean_iou(net: OutlineNet, examples: Sequence[Example]) -> float:
+    """Mean over the frames with rocks of the IoU of their pixels."""
+    values = []
+    with torch.no_grad():
+        for example in examples:
+            height, width = example.rock.shape
+            planes = functional.pad(
+                example.planes.float()[None], (0, -width % 8, 0, -height % 8), mode='replicate'
+            )
+            found = (full_resolution(net, planes)[0, :height, :width] > 0) & example.counted
+            either = int((found | example.rock).sum())
+            if example.rock.any():
+                values.append(int((found & example.rock).sum()) / either)
+    return float(np.mean(values))
+
+
+def export(net: OutlineNet, path: Path) -> None:
+    """Write the network for OpenCV, for images of any size that is a multiple of eight."""
+    net.eval().to(memory_format=torch.contiguous_format)
+    torch.onnx.export(
+        net,
+        (torch.zeros(1, len(PLANES), CROP, CROP),),
+        str(path),
+        input_names=['planes'],
+        output_names=['logits'],
+        dynamic_axes={'planes': {2: 'height', 3: 'width'}, 'logits': {2: 'h', 3: 'w'}},
+        opset_version=13,
+        dynamo=False,
+    )
+
+
+if __name__ == '__main__':
+    main()
