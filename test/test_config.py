@@ -27,6 +27,7 @@ def test_defaults_are_valid_and_are_the_documented_ones():
     config = DetectorConfig()
     assert config.method == 'hybrid'
     assert (config.max_step, config.max_slope) == (0.10, 20.0)
+    assert (config.min_range, config.max_range) == (0.3, 40.0)
     assert (config.min_seed_points, config.dark_grey_level) == (10, 50)
     assert (config.study_max_roughness, config.study_max_step) == (0.0005, 0.005)
     assert (config.mean_shift_spatial_radius, config.mean_shift_color_radius) == (15.0, 20.0)

@@ -12,7 +12,6 @@ from rover_obstacle_detection import DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.offline import tuning_space
 from rover_obstacle_detection.offline.tuning_space import (
-    OWN_VALUES,
     ROVER_LIMITS,
     TUNED_BY_DEFAULT,
     SearchRange,
@@ -28,15 +27,6 @@ def test_what_is_tuned_by_default_is_a_parameter_within_its_range(name: str) -> 
     chosen = search_range(name)
     assert DESCRIPTIONS[name].minimum <= chosen.low < chosen.high <= DESCRIPTIONS[name].maximum
     assert chosen.contains(chosen.value_in(DetectorConfig()))
-
-
-@pytest.mark.parametrize('name', OWN_VALUES)
-def test_own_values_are_those_that_the_parameter_names(name: str) -> None:
-    assert f'hybrid {OWN_VALUES[name]}' in DESCRIPTIONS[name].description
-    chosen = search_range(name)
-    assert chosen.value_in(DetectorConfig()) == OWN_VALUES[name]
-    assert chosen.value_in(DetectorConfig(method='study')) == 0
-    assert chosen.value_in(DetectorConfig(**{name: 250.0})) == 250.0
 
 
 def test_what_the_rover_can_do_is_not_tuned_by_default() -> None:

@@ -109,11 +109,18 @@ class DetectorConfig:
     max_slope: float = _parameter(
         20.0, 'Steepest ground at rover scale that the rover can climb (deg).', 1.0, 60.0
     )
+    max_roughness: float = _parameter(
+        0.05,
+        'Roughest ground that it crosses: root mean square of the height above the local ground '
+        'within a wheel base, obstacles apart (m).',
+        0.001,
+        1.0,
+    )
     min_range: float = _parameter(
         0.3, 'Nearest distance along the optical axis at which anything is seen (m).', 0.01, 100.0
     )
     max_range: float = _parameter(
-        20.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0
+        40.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0
     )
 
     gravity_source: str = _parameter(
@@ -152,14 +159,15 @@ class DetectorConfig:
     )
     P1: float = _parameter(
         0.0,
-        "SGBM penalty on a disparity change of 1; 0: the method's own (hybrid 300, study 600).",
+        "SGBM penalty on a disparity change of 1; 0: the method's own (hybrid: follows the "
+        "image's contrast and noise, study: 600).",
         0.0,
         100000.0,
     )
     P2: float = _parameter(
         0.0,
         "SGBM penalty on a larger disparity change; 0: the method's own "
-        '(hybrid 1200, study 2400).',
+        "(hybrid: follows the image's contrast and noise, study: 2400).",
         0.0,
         100000.0,
     )
@@ -177,6 +185,26 @@ class DetectorConfig:
     sgbm_mode: int = _parameter(2, '0 SGBM, 1 HH, 2 SGBM_3WAY, 3 HH4.', 0, 3)
     equalize_histogram: bool = _parameter(
         False, 'Equalise the histograms before matching (study section 3.3).'
+    )
+
+    smoothness: float = _parameter(
+        1.0,
+        "Method hybrid: factor on SGBM's penalties as they follow from the image's contrast and "
+        'noise, where P1 and P2 are 0.',
+        0.05,
+        20.0,
+    )
+    core_share: float = _parameter(
+        0.9, 'Method hybrid: share of max_step that an obstacle has to rise above.', 0.3, 2.0
+    )
+    core_noises: float = _parameter(
+        2.0,
+        "Method hybrid: standard deviations of the height's noise that it has to rise above.",
+        0.0,
+        10.0,
+    )
+    outline_probability: float = _parameter(
+        0.5, 'Method hybrid: probability from which a pixel is inside an outline.', 0.05, 0.95
     )
 
     mean_shift_spatial_radius: float = _parameter(

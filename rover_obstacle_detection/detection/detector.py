@@ -12,10 +12,10 @@ from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.gravity import Gravity
-from rover_obstacle_detection.detection.hybrid import detect_hybrid
+from rover_obstacle_detection.detection.hybrid import OPTIONAL_STAGES, detect_hybrid
 from rover_obstacle_detection.detection.image import equalized, grey_pair
 from rover_obstacle_detection.detection.study import detect_as_study
-from rover_obstacle_detection.errors import ImageError
+from rover_obstacle_detection.errors import ConfigurationError, ImageError
 
 OnStage = Callable[[str], None]
 
@@ -29,9 +29,13 @@ class Detector:
     config : DetectorConfig, optional
     rover_mask : ndarray of bool, shape (height, width), optional
         True where the image shows the rover itself: never judged, never an obstacle.
+    leave_out : frozenset of str, optional
+        Stages of the hybrid to do without (`hybrid.OPTIONAL_STAGES`), to see what each is worth.
 
     Raises
     ------
+    ConfigurationError
+        If there is no such stage.
     ImageError
         If the rover mask has another size than the camera.
     """
@@ -41,6 +45,7 @@ class Detector:
         camera: StereoCamera,
         config: DetectorConfig | None = None,
         rover_mask: NDArray[np.bool_] | None = None,
+        leave_out: frozenset[str] = frozenset(),
     ) -> None:
         self.camera = camera
         self.config = config or DetectorConfig()
@@ -51,6 +56,14 @@ class Detector:
             )
             raise ImageError(msg)
         self.rover_mask = rover_mask
+        unknown = leave_out - set(OPTIONAL_STAGES)
+        if unknown:
+            msg = (
+                f'leave_out has {min(unknown)!r}: expected stages out of '
+                f'{", ".join(OPTIONAL_STAGES)}'
+            )
+            raise ConfigurationError(msg)
+        self._leave_out = leave_out
 
     def detect(
         self,
@@ -82,8 +95,13 @@ class Detector:
         finished = on_stage or _unobserved
         gravity = gravity or self._configured_gravity()
         finished('grey')
-        chain = detect_as_study if self.config.method == 'study' else detect_hybrid
-        return chain(pair, self.camera, self.config, gravity, self.rover_mask, finished)
+        if self.config.method == 'study':
+            return detect_as_study(
+                pair, self.camera, self.config, gravity, self.rover_mask, finished
+            )
+        return detect_hybrid(
+            pair, self.camera, self.config, gravity, self.rover_mask, finished, self._leave_out
+        )
 
     def _configured_gravity(self) -> Gravity | None:
         if self.config.gravity_source != 'parameters':

@@ -13,20 +13,17 @@ from rover_obstacle_detection.errors import ConfigurationError
 Bounds = tuple[float, float]
 
 TUNED_BY_DEFAULT: Mapping[str, Bounds] = {
-    'P1': (100, 1000),
-    'P2': (400, 4000),
-    'uniqueness_ratio': (0, 25),
+    'core_share': (0.6, 1.3),
+    'core_noises': (0.0, 4.0),
+    'outline_probability': (0.2, 0.8),
+    'smoothness': (0.3, 3.0),
     'correlation_window_size': (3, 7),
-    'prefilter_cap': (15, 63),
+    'uniqueness_ratio': (0, 25),
     'speckle_size': (10, 250),
-    'speckle_range': (1, 5),
 }
-"""What decides in the method ``hybrid``, and where it is worth looking: far less than allowed."""
+"""What decides in the method ``hybrid``, and where it is worth looking: less than allowed."""
 
-OWN_VALUES: Mapping[str, float] = {'P1': 300, 'P2': 1200}
-"""What 0 stands for in the method ``hybrid``, where 0 is no value to compare others with."""
-
-ROVER_LIMITS = frozenset({'max_step', 'max_slope', 'min_range', 'max_range'})
+ROVER_LIMITS = frozenset({'max_step', 'max_slope', 'max_roughness', 'min_range', 'max_range'})
 """What the rover can do or its owner wants; a score against labels says nothing about it."""
 
 SIGNIFICANT_DIGITS = 4
@@ -65,10 +62,8 @@ class SearchRange:
         return self.low <= value <= self.high and on_step
 
     def value_in(self, config: DetectorConfig) -> float:
-        """Return the value of a configuration, a number also where it is the method's own."""
+        """Return the value of a configuration."""
         value: float = getattr(config, self.name)
-        if value == 0 and config.method == 'hybrid':
-            return OWN_VALUES.get(self.name, value)
         return value
 
     def rounded(self, value: float) -> float:
