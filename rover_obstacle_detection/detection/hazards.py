@@ -124,8 +124,10 @@ def rough_ground(
     base, as in GESTALT and traversability maps; what noise alone would give is taken off.
     """
     rough = np.zeros_like(rocks)
-    usable = terrain.measured & ~rocks & (terrain.noise_m < KNOWN_SHARE * config.max_step)
-    squares = np.where(usable, terrain.height_m**2 - terrain.noise_m**2, 0).astype(np.float32)
+    usable = terrain.measured & ~rocks & (terrain.noise_m < KNOWN_SHARE * config.max_roughness)
+    # A single false match is no rough ground, however high it seems to be.
+    height_m = np.clip(terrain.height_m, -config.max_step, config.max_step)
+    squares = np.where(usable, height_m**2 - terrain.noise_m**2, 0).astype(np.float32)
     for layer in terrain.layers:
         weight = (usable & layer.pixels).astype(np.float32)
         mean, count = cell_means(squares, weight, layer.positions)
