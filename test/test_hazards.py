@@ -7,13 +7,15 @@ import pytest
 from relief import Eye, bank, block, flat, tilted, together
 
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.elevation_map import map_positions
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
 from rover_obstacle_detection.detection.hazards import (
     impassable_ground,
     relief_at_rover_scale,
+    rough_ground,
     standing_parts,
 )
-from rover_obstacle_detection.detection.survey import Terrain
+from rover_obstacle_detection.detection.survey import Layer, Terrain
 
 SHAPE = (20, 40)
 CONFIG = DetectorConfig(max_step=0.1)
@@ -237,3 +239,44 @@ def test_relief_of_noisy_ground_is_smoothed_wide():
     assert spreads == sorted(spreads, reverse=True)
     assert spreads[0] > 0.8 * waves.std()
     assert spreads[-1] < 0.05 * waves.std()
+
+
+def rough(heights_m, *, noise_m=0.001, rocks=None, **config):
+    height_m = np.asarray(heights_m, np.float32)
+    across, along = np.meshgrid(np.arange(height_m.shape[1]), np.arange(height_m.shape[0]))
+    positions = map_positions(
+        across.astype(np.float32) * 0.01,
+        along.astype(np.float32) * 0.01,
+        np.ones(height_m.shape, bool),
+        0.04,
+    )
+    flat = np.zeros(positions.shape, np.float32)
+    layer = Layer(positions, flat, np.ones(positions.shape, bool), np.ones(height_m.shape, bool))
+    terrain = Terrain(
+        height_m,
+        np.full(height_m.shape, noise_m, np.float32),
+        np.full(height_m.shape, 100, np.float32),
+        (layer,),
+    )
+    rocks = np.zeros(height_m.shape, bool) if rocks is None else rocks
+    return rough_ground(terrain, rocks, DetectorConfig(**config))
+
+
+def test_ground_full_of_stones_is_rough_and_a_single_one_does_not_make_it_so():
+    stones = np.zeros((200, 200))
+    stones[:, 100:] = np.where(np.indices((200, 100)).sum(0) % 2, 0.09, -0.03)
+    found = rough(stones)
+    assert found[:, 150:].all()
+    assert not found[:, :50].any()
+    one = np.zeros((200, 200))
+    one[100:104, 100:104] = 5.0
+    assert not rough(one).any()
+
+
+def test_roughness_is_the_rovers_limit_and_neither_noise_nor_obstacles_make_it():
+    stones = np.where(np.indices((200, 200)).sum(0) % 2, 0.07, -0.05)
+    assert rough(stones).all()
+    assert not rough(stones, max_step=0.2).any()
+    assert not rough(stones, max_roughness=0.08).any()
+    assert not rough(stones, noise_m=0.06).any()
+    assert not rough(stones, rocks=np.ones((200, 200), bool)).any()

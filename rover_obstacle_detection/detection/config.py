@@ -110,10 +110,10 @@ class DetectorConfig:
         20.0, 'Steepest ground at rover scale that the rover can climb (deg).', 1.0, 60.0
     )
     max_roughness: float = _parameter(
-        0.05,
+        0.0,
         'Roughest ground that it crosses: root mean square of the height above the local ground '
-        'within a wheel base, obstacles apart (m).',
-        0.001,
+        'within a wheel base, obstacles apart (m); 0: half of max_step.',
+        0.0,
         1.0,
     )
     min_range: float = _parameter(
@@ -254,6 +254,11 @@ class DetectorConfig:
         if self.P1 and self.P2 and self.P2 <= self.P1:
             msg = f'P2 is {self.P2}: expected more than P1, {self.P1}'
             raise ConfigurationError(msg)
+
+    @property
+    def roughness_limit_m(self) -> float:
+        """Roughest ground that the rover crosses, metres."""
+        return self.max_roughness or self.max_step / 2
 
     @classmethod
     def parameters(cls) -> tuple[ParameterDescription, ...]:
