@@ -58,6 +58,7 @@ REGION_REDUCTION = 4
 TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
 HOLE_SHARE = 0.5
+STANDING_SHARE = 0.3
 OUTLINE_MARGIN = 24
 OUTLINE_REACH = 25
 
@@ -189,11 +190,15 @@ def outlined_rocks(
         height_m
         > np.maximum(config.core_share * config.max_step, config.core_noises * terrain.noise_m)
     )
-    _, labels = cv2.connectedComponents(rocks.astype(np.uint8), connectivity=8)
-    has_core = np.zeros(int(labels.max()) + 1, np.bool_)
-    has_core[labels[core]] = True
-    has_core[0] = False
-    return np.asarray(has_core[labels])
+    count, labels = cv2.connectedComponents(rocks.astype(np.uint8), connectivity=8)
+    inside = labels[terrain.measured]
+    # Most of what was measured of an obstacle has to stand up: a core may touch a false outline.
+    measured = np.bincount(inside, minlength=count)
+    stands = np.bincount(labels[(standing.parts > 0) & terrain.measured], minlength=count)
+    cores = np.bincount(labels[core], minlength=count)
+    kept = (cores > 0) & (stands >= STANDING_SHARE * measured)
+    kept[0] = False
+    return np.asarray(kept[labels])
 
 
 def around(where: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
