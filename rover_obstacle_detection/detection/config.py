@@ -112,7 +112,7 @@ class DetectorConfig:
     max_roughness: float = _parameter(
         0.0,
         'Roughest ground that it crosses: root mean square of the height above the local ground '
-        'within a wheel base, obstacles apart (m); 0: half of max_step.',
+        'within a wheel base, obstacles apart (m); 0: not judged.',
         0.0,
         1.0,
     )
@@ -195,10 +195,10 @@ class DetectorConfig:
         20.0,
     )
     core_share: float = _parameter(
-        0.9, 'Method hybrid: share of max_step that an obstacle has to rise above.', 0.3, 2.0
+        0.7, 'Method hybrid: share of max_step that an obstacle has to rise above.', 0.3, 2.0
     )
     core_noises: float = _parameter(
-        2.0,
+        0.7,
         "Method hybrid: standard deviations of the height's noise that it has to rise above.",
         0.0,
         10.0,
@@ -254,11 +254,6 @@ class DetectorConfig:
         if self.P1 and self.P2 and self.P2 <= self.P1:
             msg = f'P2 is {self.P2}: expected more than P1, {self.P1}'
             raise ConfigurationError(msg)
-
-    @property
-    def roughness_limit_m(self) -> float:
-        """Roughest ground that the rover crosses, metres."""
-        return self.max_roughness or self.max_step / 2
 
     @classmethod
     def parameters(cls) -> tuple[ParameterDescription, ...]:

@@ -124,7 +124,9 @@ def rough_ground(
     base, as in GESTALT and traversability maps; what noise alone would give is taken off.
     """
     rough = np.zeros_like(rocks)
-    usable = terrain.measured & ~rocks & (terrain.noise_m < KNOWN_SHARE * config.roughness_limit_m)
+    if not config.max_roughness:
+        return rough
+    usable = terrain.measured & ~rocks & (terrain.noise_m < KNOWN_SHARE * config.max_roughness)
     # A single false match is no rough ground, however high it seems to be.
     height_m = np.clip(terrain.height_m, -config.max_step, config.max_step)
     squares = np.where(usable, height_m**2 - terrain.noise_m**2, 0).astype(np.float32)
@@ -134,7 +136,7 @@ def rough_ground(
         present = (count > 0).astype(np.float32)
         sigma = max(ROUGHNESS_M / layer.positions.cell_m, 0.6)
         square = smoothed(mean * present, sigma) / np.maximum(smoothed(present, sigma), 1e-3)
-        cells = square > config.roughness_limit_m**2
+        cells = square > config.max_roughness**2
         if cells.any():
             inside = sample_map(cells.astype(np.float32), layer.positions) > 0.5
             rough |= inside & layer.pixels

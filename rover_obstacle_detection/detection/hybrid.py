@@ -18,6 +18,7 @@ from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.grey_level import dark_regions
 from rover_obstacle_detection.detection.ground_matching import Stereo, match_against_ground
 from rover_obstacle_detection.detection.hazards import (
+    FOOT_M,
     KNOWN_SHARE,
     Standing,
     impassable_ground,
@@ -47,7 +48,6 @@ OPTIONAL_STAGES = (
     'vertical',
     'slope',
     'drop',
-    'roughness',
     'outlines',
     'regions',
     'grey level',
@@ -60,7 +60,6 @@ MIN_PIXELS = 12
 HOLE_SHARE = 0.5
 STANDING_SHARE = 0.3
 OUTLINE_MARGIN = 24
-OUTLINE_REACH = 25
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +119,6 @@ def detect_hybrid(
     rocks = outlined_rocks(stereo, terrain, standing, config, learned='outlines' not in leave_out)
     finished('outlines')
     rough = rough_ground(terrain, rocks | steep | dropped, config)
-    rough &= 'roughness' not in leave_out
     finished('roughness')
     segments = segment(stereo, terrain, config)
     finished('segmentation')
@@ -177,11 +175,9 @@ def outlined_rocks(
     if learned:
         planes = outline_planes(terrain, stereo.noise_px, standing, stereo.pair[0], config)
         rocks = np.zeros(stereo.disparity.shape, np.bool_)
-        on_part = planes[PLANES.index('standing part')]
-        window = around(on_part > 0, OUTLINE_MARGIN)
+        window = around(planes[PLANES.index('standing part')] > 0, OUTLINE_MARGIN)
         probability = outline_model().probability(planes[(slice(None), *window)])
-        reach = cv2.dilate(on_part[window], np.ones((OUTLINE_REACH, OUTLINE_REACH), np.uint8)) > 0
-        rocks[window] = (probability > config.outline_probability) & reach
+        rocks[window] = probability > config.outline_probability
     else:
         rocks = half_height_outlines(terrain, standing)
     height_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
@@ -194,7 +190,7 @@ def outlined_rocks(
     inside = labels[terrain.measured]
     # Most of what was measured of an obstacle has to stand up: a core may touch a false outline.
     measured = np.bincount(inside, minlength=count)
-    stands = np.bincount(labels[(standing.parts > 0) & terrain.measured], minlength=count)
+    stands = np.bincount(labels[terrain.measured & (height_m > FOOT_M)], minlength=count)
     cores = np.bincount(labels[core], minlength=count)
     kept = (cores > 0) & (stands >= STANDING_SHARE * measured)
     kept[0] = False
