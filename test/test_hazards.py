@@ -238,7 +238,7 @@ def test_relief_of_noisy_ground_is_smoothed_wide():
         spreads.append(relief_at_rover_scale(layer, noise_m)[20:-20, 20:-20].std())
     assert spreads == sorted(spreads, reverse=True)
     assert spreads[0] > 0.8 * waves.std()
-    assert spreads[-1] < 0.05 * waves.std()
+    assert spreads[-1] < 0.06 * waves.std()
 
 
 def rough(heights_m, *, noise_m=0.001, rocks=None, **config):

@@ -22,6 +22,11 @@ def measured(pair, disparity=None, camera=CAMERA, reduction=1.0):
     return estimate_row_alignment(*pair, disparity, camera, reduction)
 
 
+def found_disparity(alignment):
+    """What matching finds: the turn moves columns, too."""
+    return PLANE.disparity(CAMERA) + alignment.added_disparity(CAMERA)
+
+
 def check(found, expected):
     assert found.offset_px == pytest.approx(expected.offset_px, abs=0.08)
     assert math.degrees(found.turn) == pytest.approx(math.degrees(expected.turn), abs=0.02)
@@ -37,6 +42,13 @@ def test_row_of_a_left_pixel_in_the_right_image():
     )
 
 
+def test_disparity_that_a_turn_adds():
+    camera = StereoCamera(4, 3, 10.0, 10.0, 1.0, 1.0, 0.1)
+    np.testing.assert_array_equal(
+        RowAlignment(0.5, 0.25).added_disparity(camera), [[-0.25], [0], [0.25]]
+    )
+
+
 ALIGNMENTS = [
     RowAlignment(offset, math.radians(turn))
     for offset, turn in ((0, 0), (0.5, 0), (-0.5, 0), (0, 0.3), (-0.5, -0.3), (0.7, 0.2))
@@ -48,7 +60,7 @@ ALIGNMENTS = [
 @pytest.mark.parametrize('alignment', ALIGNMENTS, ids=str)
 def test_shift_and_turn_are_measured_though_disparity_is_off(alignment, look, off_px):
     pair = waves.stereo_pair(CAMERA, PLANE, alignment, noise=2.0, **look)
-    check(measured(pair, PLANE.disparity(CAMERA) + np.float32(off_px)), alignment)
+    check(measured(pair, found_disparity(alignment) + np.float32(off_px)), alignment)
 
 
 @pytest.mark.parametrize('offset', [-2.0, 1.5, 2.5])
@@ -67,7 +79,8 @@ def test_right_image_that_shows_things_lower_is_off_by_more_than_nothing():
 def test_shift_is_told_in_pixels_of_the_full_image():
     alignment = RowAlignment(0.6, 0.003)
     pair = waves.stereo_pair(CAMERA, PLANE, alignment)
-    one, four = measured(pair), measured(pair, reduction=4.0)
+    disparity = found_disparity(alignment)
+    one, four = measured(pair, disparity), measured(pair, disparity, reduction=4.0)
     assert four.offset_px == pytest.approx(4 * one.offset_px)
     assert four.turn == one.turn
     assert one.offset_px == pytest.approx(0.6, abs=0.08)

@@ -50,7 +50,9 @@ def stereo_pair(
     # Which left pixel a right one shows: column and row depend on each other through both.
     straight = rows - alignment.offset_px + alignment.turn * camera.cx
     seen_at = columns + camera.disparity_offset + plane.level - plane.slope_u * camera.cx
-    seen_at += plane.slope_v * (straight - camera.cy)
-    seen_at /= 1 - plane.slope_u + plane.slope_v * alignment.turn
+    # A turn moves columns as well: rows further down lie further to the left.
+    down = plane.slope_v + alignment.turn
+    seen_at += down * (straight - camera.cy)
+    seen_at /= 1 - plane.slope_u + down * alignment.turn
     right = texture(seen_at, straight - alignment.turn * seen_at, **look)
     return as_image(left, noise, 1), as_image(right + brighter, noise, 2)

@@ -172,7 +172,7 @@ class DetectorConfig:
         100000.0,
     )
     uniqueness_ratio: float = _parameter(
-        8.0, 'Margin by which the best match must beat the second best (%).', 0.0, 100.0
+        8.0, 'Margin by which the best match must beat the second best (%).', 0.0, 99.0
     )
     speckle_size: int = _parameter(
         50, 'Smaller patches of disparity are dropped as speckle (px).', 0, 10000

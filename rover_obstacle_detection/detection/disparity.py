@@ -13,6 +13,7 @@ from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 
 SUBPIXELS = 16
+MAX_PENALTY = 16_000
 _SGBM_MODES = (
     cv2.STEREO_SGBM_MODE_SGBM,
     cv2.STEREO_SGBM_MODE_HH,
@@ -32,7 +33,9 @@ class Penalties:
 def penalties(config: DetectorConfig, own: Penalties) -> Penalties:
     """Take the configured penalties, or the method's own where they are 0."""
     one = round(config.P1) or own.one
-    return Penalties(one, max(round(config.P2) or own.more, one + 1))
+    # SGBM sums costs in 16 bits: larger penalties would overflow, and nothing would match.
+    one = min(one, MAX_PENALTY - 1)
+    return Penalties(one, min(max(round(config.P2) or own.more, one + 1), MAX_PENALTY))
 
 
 def disparity_range(camera: StereoCamera, nearest_m: float) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.disparity import Penalties, penalties
+from rover_obstacle_detection.detection.disparity import MAX_PENALTY, Penalties, penalties
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
 from rover_obstacle_detection.detection.ground_plane import DisparityPlane, estimate_ground
 from rover_obstacle_detection.detection.image import GreyPair
@@ -137,8 +137,8 @@ def image_penalties(grey: NDArray[np.uint8], share: float, config: DetectorConfi
     """
     unit = gradient_level(grey) * config.correlation_window_size**2
     unit *= config.smoothness * (1 + NOISE_PENALTY * share)
-    one = max(1, round(PENALTY_ONE * unit))
-    return Penalties(one, max(round(PENALTY_MORE * unit), one + 1))
+    one = min(max(1, round(PENALTY_ONE * unit)), MAX_PENALTY - 1)
+    return Penalties(one, min(max(round(PENALTY_MORE * unit), one + 1), MAX_PENALTY))
 
 
 def _reduced(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:

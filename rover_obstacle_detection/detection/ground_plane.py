@@ -20,6 +20,7 @@ _SAMPLE_SIZE = 2000
 _REFINEMENTS = 6
 _MAX_TILT_DEG = 60.0
 _BELOW_WEIGHT = 2.0
+_MIN_HEIGHT_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -143,14 +144,17 @@ def _plausible(
     planes: NDArray[np.float64], camera: StereoCamera, gravity: Gravity | None
 ) -> NDArray[np.bool_]:
     normals = -planes * (camera.fx, camera.fy, 1.0)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
+    length = np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
+    normals /= length
+    high = camera.fx * camera.baseline_m / length[:, 0] > _MIN_HEIGHT_M
     if gravity is not None:
-        return np.asarray(normals @ np.asarray(gravity.up) > math.cos(math.radians(30.0)))
+        upright = normals @ np.asarray(gravity.up) > math.cos(math.radians(30.0))
+        return np.asarray(upright & high)
     # Without gravity: upright within a camera that looks up to 80 degrees down, little roll.
     upward = -normals[:, 1] > math.cos(math.radians(80.0))
     rolled = np.abs(normals[:, 0]) < math.sin(math.radians(_MAX_TILT_DEG / 2))
     looking_down = normals[:, 2] < math.sin(math.radians(_MAX_TILT_DEG / 2))
-    return np.asarray(upward & rolled & looking_down)
+    return np.asarray(upward & rolled & looking_down & high)
 
 
 def _scaled_heights(
@@ -223,7 +227,7 @@ def estimate_ground(
 
     Notes
     -----
-    The plane follows the nearer half of what is seen: the rover stands next to that, so its
+    The plane follows the nearer part of what is seen: the rover stands next to that, so its
     normal is the best guess at the vertical where nobody tells it.
     """
     farthest = camera.disparity_at(config.max_range)

@@ -19,6 +19,7 @@ from rover_obstacle_detection.detection.survey import SMOOTHING_M, Layer, Terrai
 
 # Rocks: what may be one, so that its outline is worth looking at.
 FOOT_M = 0.02
+FOOT_SHARE = 0.2
 FOOT_NOISES = 1.0
 STANDING_SHARE = 0.6
 STANDING_NOISES = 2.5
@@ -67,7 +68,7 @@ def standing_parts(terrain: Terrain, config: DetectorConfig) -> Standing:
     height_m = np.nan_to_num(terrain.height_m, nan=0.0)
     noise_m = terrain.noise_m
     smooth_m = cv2.blur(height_m, (3, 3))
-    foot = height_m > np.maximum(FOOT_M, FOOT_NOISES * noise_m)
+    foot = height_m > np.maximum(min(FOOT_M, FOOT_SHARE * config.max_step), FOOT_NOISES * noise_m)
     core_m = np.maximum(STANDING_SHARE * config.max_step, STANDING_NOISES * noise_m)
     core = foot & (smooth_m > core_m)
     count, labels = cv2.connectedComponents(foot.astype(np.uint8), connectivity=8)
@@ -155,7 +156,7 @@ def relief_at_rover_scale(layer: Layer, noise_m: Grid) -> Grid:
     own_m = max(SMOOTHING_M, 1.2 * cell_m)
     limit = math.tan(math.radians(SLOPE_NOISE_DEG))
     needed_m = noise_m / (2 * limit)
-    relief_m = smoothed(
+    relief_m = _mean(
         layer.ground_m, max((RELIEF_M**2 - own_m**2), (0.6 * cell_m) ** 2) ** 0.5 / cell_m
     )
     narrow_m = RELIEF_M
@@ -163,9 +164,16 @@ def relief_at_rover_scale(layer: Layer, noise_m: Grid) -> Grid:
         share = np.clip((needed_m - narrow_m) / (wide_m - narrow_m), 0, 1)
         if share.any():
             sigma = max(wide_m**2 - own_m**2, cell_m**2) ** 0.5 / cell_m
-            relief_m += share * (smoothed(layer.ground_m, sigma) - relief_m)
+            relief_m += share * (_mean(layer.ground_m, sigma) - relief_m)
         narrow_m = wide_m
     return np.asarray(relief_m, np.float32)
+
+
+def _mean(image: Grid, sigma_cells: float) -> Grid:
+    # The map goes on as it ends: fading to zero would tilt the ground right before the rover.
+    return np.asarray(
+        cv2.GaussianBlur(image, (0, 0), sigma_cells, borderType=cv2.BORDER_REPLICATE), np.float32
+    )
 
 
 def _cell_noise(layer: Layer, terrain: Terrain) -> Grid:

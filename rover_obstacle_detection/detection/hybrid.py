@@ -19,7 +19,9 @@ from rover_obstacle_detection.detection.grey_level import dark_regions
 from rover_obstacle_detection.detection.ground_matching import Stereo, match_against_ground
 from rover_obstacle_detection.detection.hazards import (
     FOOT_M,
+    FOOT_SHARE,
     KNOWN_SHARE,
+    MIN_CORE_PIXELS,
     Standing,
     impassable_ground,
     rough_ground,
@@ -59,6 +61,10 @@ TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
 HOLE_SHARE = 0.5
 STANDING_SHARE = 0.3
+CERTAIN_SHARE = 1.5
+CERTAIN_NOISE_SHARE = 0.15
+CERTAIN_PIXELS = 40
+DRAWN_SHARE = 0.3
 OUTLINE_MARGIN = 24
 
 
@@ -122,7 +128,7 @@ def detect_hybrid(
     finished('roughness')
     segments = segment(stereo, terrain, config)
     finished('segmentation')
-    near_rock, dark = complete_by_regions(rocks, terrain, segments, stereo, config)
+    near_rock, dark = complete_by_regions(rocks, terrain, segments, stereo, camera, config)
     near_rock &= 'regions' not in leave_out
     dark &= 'grey level' not in leave_out
     finished('regions')
@@ -139,6 +145,7 @@ def detect_hybrid(
     obstacle &= ~small_parts(obstacle, MIN_PIXELS)
     if rover_mask is not None:
         obstacle &= ~rover_mask
+    cues[~obstacle] = 0
     mask = np.where(obstacle, OBSTACLE, FREE).astype(np.uint8)
     finished('mask')
     return _detection(stereo, terrain, segments, cues, mask, rover_mask, pair[0], camera, config)
@@ -167,8 +174,8 @@ def outlined_rocks(
     -----
     Disparity blurs outlines by the size of its blocks, and the foot of a rock is as high as the
     ground. The filter sees height, noise and grey level together. What it draws is an
-    obstacle only with a core that is itself higher than the step and well above the noise: what
-    is an obstacle is decided in metres.
+    obstacle only with a core about as high as the step and over the noise, and only if it stands;
+    and what stands far over both is one whatever the filter says.
     """
     if not standing.top_m.any():
         return np.zeros(stereo.disparity.shape, np.bool_)
@@ -178,6 +185,7 @@ def outlined_rocks(
         window = around(planes[PLANES.index('standing part')] > 0, OUTLINE_MARGIN)
         probability = outline_model().probability(planes[(slice(None), *window)])
         rocks[window] = probability > config.outline_probability
+        rocks |= denied_parts(rocks, terrain, standing, config)
     else:
         rocks = half_height_outlines(terrain, standing)
     height_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
@@ -188,13 +196,32 @@ def outlined_rocks(
     )
     count, labels = cv2.connectedComponents(rocks.astype(np.uint8), connectivity=8)
     inside = labels[terrain.measured]
+    foot_m = min(FOOT_M, FOOT_SHARE * config.max_step)
     # Most of what was measured of an obstacle has to stand up: a core may touch a false outline.
     measured = np.bincount(inside, minlength=count)
-    stands = np.bincount(labels[terrain.measured & (height_m > FOOT_M)], minlength=count)
+    stands = np.bincount(labels[terrain.measured & (height_m > foot_m)], minlength=count)
     cores = np.bincount(labels[core], minlength=count)
-    kept = (cores > 0) & (stands >= STANDING_SHARE * measured)
+    kept = (cores >= MIN_CORE_PIXELS) & (stands >= STANDING_SHARE * measured)
     kept[0] = False
     return np.asarray(kept[labels])
+
+
+def denied_parts(
+    rocks: NDArray[np.bool_], terrain: Terrain, standing: Standing, config: DetectorConfig
+) -> NDArray[np.bool_]:
+    """Find what stands so high over step and noise that the filter may not deny it.
+
+    The filter has seen rocks, not the legs of a lander.
+    """
+    limit_m = CERTAIN_SHARE * config.max_step
+    quiet = terrain.noise_m < CERTAIN_NOISE_SHARE * config.max_step
+    high = terrain.measured & quiet & (terrain.height_m > limit_m)
+    count = len(standing.top_m)
+    pixels = np.bincount(standing.parts[high], minlength=count)
+    drawn = np.bincount(standing.parts[high & rocks], minlength=count)
+    certain = (pixels >= CERTAIN_PIXELS) & (drawn < DRAWN_SHARE * pixels)
+    certain[0] = False
+    return np.asarray(certain[standing.parts] & half_height_outlines(terrain, standing))
 
 
 def around(where: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
@@ -250,6 +277,7 @@ def complete_by_regions(
     terrain: Terrain,
     segments: Segments,
     stereo: Stereo,
+    camera: StereoCamera,
     config: DetectorConfig,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find the pixels that only their region makes an obstacle: near a rock, or dark.
@@ -263,7 +291,9 @@ def complete_by_regions(
     )
     dark = dark_regions(stereo.pair[0], segments.regions, segments.is_seed, config.dark_grey_level)
     column = np.arange(matched.shape[1], dtype=np.float32)[np.newaxis]
-    shared_view = (stereo.expected > 0) & (stereo.expected <= column)
+    right_column = column - stereo.expected - np.float32(camera.disparity_offset)
+    shared_view = (right_column >= 0) & (right_column <= camera.width - 1)
+    shared_view &= stereo.expected > camera.disparity_at(config.max_range)
     near_rock = nearest & segments.is_seed[segments.regions] & ~matched
     return near_rock, dark[segments.regions] & shared_view & ~matched
 

@@ -15,6 +15,9 @@ _QUIET_RATIO = 0.8
 _NOISY_RATIO = 1.2
 _SMOOTHING_PX = 1.0
 _SAMPLES = 100_000
+_WINDOW = 9
+_BLACK, _WHITE = 2, 253
+_MIN_SHARE = 0.1
 
 
 def image_noise(grey: NDArray[np.uint8]) -> float:
@@ -32,12 +35,26 @@ def image_noise(grey: NDArray[np.uint8]) -> float:
     """
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
     response = cv2.filter2D(grey, cv2.CV_16S, kernel)
-    return max(0.5, _spread(response) / 6)
+    return max(0.5, _spread(response, exposed(grey)) / 6)
 
 
 def gradient_level(grey: NDArray[np.uint8]) -> float:
     """Typical change of grey from pixel to pixel along a row: what matching lives on."""
-    return max(0.1, _spread(cv2.Scharr(grey, cv2.CV_16S, 1, 0)) / 32)
+    return max(0.1, _spread(cv2.Scharr(grey, cv2.CV_16S, 1, 0), exposed(grey)) / 32)
+
+
+def exposed(grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Tell where the sensor had something to measure: not in a black sky, nor where it clips.
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+        True everywhere where that would leave too little.
+    """
+    size = (_WINDOW, _WINDOW)
+    low, high = cv2.blur(grey, size) > _BLACK, cv2.blur(grey, size) < _WHITE
+    inside = low & high
+    return np.asarray(inside if inside.mean() > _MIN_SHARE else np.ones_like(inside))
 
 
 def noise_share(grey: NDArray[np.uint8]) -> float:
@@ -56,8 +73,8 @@ def smoothed_against_noise(pair: GreyPair, share: float) -> GreyPair:
     return left, right
 
 
-def _spread(values: cv2.typing.MatLike) -> float:
+def _spread(values: cv2.typing.MatLike, where: NDArray[np.bool_]) -> float:
     """Estimate the standard deviation by the median of the absolute values."""
-    flat = np.abs(np.asarray(values))
-    thin = max(1, math.isqrt(flat.size // _SAMPLES))
-    return 1.4826 * float(np.median(flat[::thin, ::thin]))
+    thin = max(1, math.isqrt(where.size // _SAMPLES))
+    sample = np.abs(np.asarray(values))[::thin, ::thin][where[::thin, ::thin]]
+    return 1.4826 * float(np.median(sample)) if sample.size else 0.0

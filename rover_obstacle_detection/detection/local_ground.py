@@ -81,7 +81,7 @@ def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
 
 
 def smoothed(image: Grid, sigma_cells: float) -> Grid:
-    """Gaussian mean; nothing lies outside the map."""
+    """Gaussian sum of what is on the map; nothing lies outside of it."""
     return np.asarray(
         cv2.GaussianBlur(image, (0, 0), sigma_cells, borderType=cv2.BORDER_CONSTANT), np.float32
     )

@@ -21,9 +21,8 @@ class OutlineModel:
 
     Notes
     -----
-    A U-shaped network (Ronneberger et al. 2015) of some ten thousand weights, trained on rendered
-    scenes by ``scripts/train_outlines.py``. It sees numbers without units (`PLANES`), never the
-    image itself.
+    A U-shaped network (Ronneberger et al. 2015) of some thirty thousand weights, trained on
+    rendered scenes by ``scripts/train_outlines.py``. It sees numbers without units (`PLANES`).
     """
 
     def __init__(self) -> None:

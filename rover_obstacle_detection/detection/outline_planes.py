@@ -28,7 +28,7 @@ PLANES = (
 
 _GROUND_WINDOW = 61
 _TOP_REACH = 15
-_UNKNOWN_NOISE_M = 0.3
+_UNKNOWN_NOISE_STEPS = 3.0
 
 
 def outline_planes(
@@ -65,7 +65,7 @@ def outline_planes(
     on_part = (standing.parts > 0).astype(np.float32)
     top_m = standing.top_m[standing.parts]
     height_m = np.nan_to_num(terrain.height_m, nan=0.0)
-    noise_m = np.minimum(terrain.noise_m, np.float32(_UNKNOWN_NOISE_M))
+    noise_m = np.minimum(terrain.noise_m, np.float32(_UNKNOWN_NOISE_STEPS * config.max_step))
     step_px = terrain.pixels_per_metre * step_m
     noise_px = noise_px.copy()
     rows, columns = np.nonzero(~measured)

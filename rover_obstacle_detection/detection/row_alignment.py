@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
 
-_ITERATIONS = 3
+_ITERATIONS = 5
 _MOST_PX = 3.0
 _MIN_PIXELS = 500
 _WINDOW = 7
@@ -38,6 +38,11 @@ class RowAlignment:
         shift = self.offset_px + self.turn * (columns - np.float32(camera.cx))
         rows = np.arange(camera.height, dtype=np.float32)
         return np.asarray(rows[:, np.newaxis] + shift[np.newaxis], np.float32)
+
+    def added_disparity(self, camera: StereoCamera) -> NDArray[np.float32]:
+        """Disparity that the turn alone makes in each row, pixels, shape (height, 1)."""
+        rows = np.arange(camera.height, dtype=np.float32) - np.float32(camera.cy)
+        return np.asarray(self.turn * rows[:, np.newaxis], np.float32)
 
 
 def estimate_row_alignment(
@@ -99,7 +104,7 @@ def estimate_row_alignment(
         normal_matrix = (design * weight) @ design.T + np.diag((1.0, 10.0))
         step = np.linalg.solve(normal_matrix, design @ pull)
         offset, turn = offset + float(step[0]), turn + float(step[1]) / camera.width
-    if abs(offset) * reduction > _MOST_PX:
+    if max(abs(offset), abs(turn) * camera.width / 2) * reduction > _MOST_PX:
         return RowAlignment()
     return RowAlignment(offset * reduction, turn)
 

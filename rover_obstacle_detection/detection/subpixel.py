@@ -56,7 +56,7 @@ def refine_disparity(
     offset = np.float32(camera.disparity_offset)
     first, second = left.astype(np.float32), right.astype(np.float32)
     slope = cv2.Scharr(second, cv2.CV_32F, 1, 0, scale=1 / 32)
-    source = columns[np.newaxis] - disparity - offset
+    source = columns[np.newaxis] - disparity - offset - alignment.added_disparity(camera)
     gradient = _sampled(slope, source, rows, cv2.INTER_LINEAR) * weight
     difference = (first - _sampled(second, source, rows, cv2.INTER_CUBIC)) * weight
     mean_difference, mean_gradient = _mean(difference) / share, _mean(gradient) / share

@@ -28,6 +28,7 @@ Image = NDArray[np.float32]
 # Scales of the terrain, in metres: what a wheel feels, what a rock is, what the ground does.
 CELL_PER_STEP = 0.4
 MAX_LAYERS = 5
+MAX_CELLS = 1000
 OPENING_M = 0.7
 TREND_M = 0.4
 SMOOTHING_M = 0.08
@@ -181,7 +182,7 @@ def layer_spans(
     for number in range(MAX_LAYERS):
         farthest_m = math.sqrt(camera.fy * height_m * cell_m * _ROWS_PER_CELL)
         if farthest_m >= config.max_range or number == MAX_LAYERS - 1:
-            yield cell_m, math.inf
+            yield max(cell_m, config.max_range / MAX_CELLS), math.inf
             return
         yield cell_m, farthest_m
         cell_m *= 2

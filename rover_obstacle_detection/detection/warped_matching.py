@@ -78,6 +78,10 @@ def coarse_disparity(
     )
     scale = camera.width / size[0]
     alignment = estimate_row_alignment(small_left, small_right, disparity, small, scale)
+    disparity[disparity > 0] -= np.broadcast_to(alignment.added_disparity(small), disparity.shape)[
+        disparity > 0
+    ]
+    np.maximum(disparity, 0, out=disparity)
     return CoarseDisparity(disparity, small, scale, alignment)
 
 
@@ -97,6 +101,9 @@ def residual_range(coarse: CoarseDisparity, plane: DisparityPlane) -> tuple[int,
     # Matched at x - r, where a plane that tilts has less: it takes more to come to the residual.
     residual /= min(max(1 - plane.slope_u, 0.5), 1.0)
     low, high = np.quantile(residual, (_TAIL, 1 - _TAIL)) * coarse.reduction
+    # A pair that does not belong together has residuals without end: nothing would come of them.
+    widest = coarse.camera.width * coarse.reduction / 2
+    low, high = max(low, -widest), min(high, widest)
     lowest = math.floor(min(low, 0.0) - _MARGIN_PX)
     count = math.ceil((max(high, 0.0) + _MARGIN_PX - lowest) / 16) * 16
     return lowest, max(count, 16)
@@ -141,6 +148,7 @@ def warped_disparity(
     # The border continues the plane; what it shows is the right image where there is one.
     wide_expected = cv2.copyMakeBorder(expected, 0, 0, before, after, cv2.BORDER_REPLICATE)
     source_columns = columns[np.newaxis] - wide_expected - np.float32(camera.disparity_offset)
+    source_columns -= alignment.added_disparity(camera)
     source_rows = alignment.rows(camera, columns)
     wide_right = cv2.remap(
         right,
