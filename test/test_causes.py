@@ -112,13 +112,13 @@ def test_a_rock_at_the_border_is_not_seen_by_the_right_eye() -> None:
 
 
 @pytest.mark.parametrize(
-    ('far', 'said'), [(True, 'max_range is 20 m'), (False, 'noise of a height 6 cm')]
+    ('far', 'said'), [(True, 'max_range is 40 m'), (False, 'noise of a height 6 cm')]
 )
 def test_a_rock_outside_the_judged_range(far: bool, said: str) -> None:
     view = View()
     view.known[ROCK] = False
     if far:
-        view.depth_m[ROCK] = 25.0
+        view.depth_m[ROCK] = 45.0
     assert view.fault() == f'outside the judged range ({said})'
 
 

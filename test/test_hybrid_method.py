@@ -290,3 +290,43 @@ def test_bare_sky_is_no_obstacle_and_gives_no_points(pitch_deg):
     assert flagged(found, sky) < 0.03
     assert flagged(found, ~sky) < 0.01
     assert (found.disparity[sky] > 0).mean() < 0.05
+
+
+@pytest.mark.parametrize('width', [0.05, 0.08])
+def test_a_post_is_an_obstacle_though_no_rock_looks_like_that(width):
+    scene = Scene(
+        pinhole(640, 480, 60.0, 0.12), 25.0, 1.0, solids=(Box(0.0, 1.8, width, width, 0.5),)
+    )
+    found, view = detect(scene)
+    assert flagged(found, view.obstacle) > 0.5
+    assert np.count_nonzero(found.ground_points[:, 3] > 0.25) < 0.2 * view.obstacle.sum()
+
+
+def test_cues_are_of_what_is_in_the_mask():
+    found, _ = detect(mast(solids=BLOCK))
+    assert not found.cues[found.mask == 0].any()
+
+
+@pytest.mark.parametrize('seed', [1, 201])
+def test_images_that_do_not_belong_together_are_no_accident(seed):
+    generator = np.random.default_rng(seed)
+    left, right = generator.integers(0, 256, (2, 240, 320)).astype(np.uint8)
+    found = Detector(pinhole(320, 240, 60.0, 0.06)).detect(left, right)
+    assert found.mask.shape == (240, 320)
+
+
+@pytest.mark.parametrize(
+    'config',
+    [
+        {'smoothness': 20.0},
+        {'P1': 20000.0, 'P2': 40000.0},
+        {'uniqueness_ratio': 99.0},
+        {'max_step': 0.01, 'max_range': 1000.0},
+    ],
+    ids=str,
+)
+def test_extreme_parameters_neither_crash_nor_lose_all_matches(config):
+    found, view = detect(mast(), **config)
+    if 'uniqueness_ratio' not in config:
+        assert np.count_nonzero(found.disparity) > 0.5 * found.mask.size
+    assert found.mask.shape == view.depth_m.shape
