@@ -195,7 +195,7 @@ class DetectorConfig:
         20.0,
     )
     core_share: float = _parameter(
-        0.7, 'Method hybrid: share of max_step that an obstacle has to rise above.', 0.3, 2.0
+        1.0, 'Method hybrid: share of max_step that an obstacle has to rise above.', 0.3, 2.0
     )
     core_noises: float = _parameter(
         0.7,

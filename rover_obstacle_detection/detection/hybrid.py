@@ -61,6 +61,8 @@ TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
 HOLE_SHARE = 0.5
 STANDING_SHARE = 0.3
+FULL_STEP_PX = 20.0
+LEAST_SEEN_SHARE = 0.7
 CERTAIN_SHARE = 1.5
 CERTAIN_NOISE_SHARE = 0.15
 CERTAIN_PIXELS = 40
@@ -190,10 +192,13 @@ def outlined_rocks(
         rocks = half_height_outlines(terrain, standing)
     height_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
     rocks |= high_holes(rocks, height_m, HOLE_SHARE * config.max_step)
-    core = rocks & (
-        height_m
-        > np.maximum(config.core_share * config.max_step, config.core_noises * terrain.noise_m)
+    # Matching blocks flatten the tops of what is not much larger than they are.
+    step_px = terrain.pixels_per_metre * np.float32(config.max_step)
+    seen_share = np.clip(step_px / FULL_STEP_PX, LEAST_SEEN_SHARE, 1)
+    core_m = np.maximum(
+        config.core_share * seen_share * config.max_step, config.core_noises * terrain.noise_m
     )
+    core = rocks & (height_m > core_m)
     count, labels = cv2.connectedComponents(rocks.astype(np.uint8), connectivity=8)
     inside = labels[terrain.measured]
     foot_m = min(FOOT_M, FOOT_SHARE * config.max_step)
