@@ -67,6 +67,7 @@ CERTAIN_SHARE = 1.5
 CERTAIN_NOISE_SHARE = 0.15
 CERTAIN_PIXELS = 40
 DRAWN_SHARE = 0.3
+UPRIGHT_RATIO = 1.5
 OUTLINE_MARGIN = 24
 
 
@@ -216,7 +217,8 @@ def denied_parts(
 ) -> NDArray[np.bool_]:
     """Find what stands so high over step and noise that the filter may not deny it.
 
-    The filter has seen rocks, not the legs of a lander.
+    The filter has seen rocks, not the legs of a lander: what is upright. What is wider than high
+    and not drawn is mostly ground that was taken for too low.
     """
     limit_m = CERTAIN_SHARE * config.max_step
     quiet = terrain.noise_m < CERTAIN_NOISE_SHARE * config.max_step
@@ -226,7 +228,15 @@ def denied_parts(
     drawn = np.bincount(standing.parts[high & rocks], minlength=count)
     certain = (pixels >= CERTAIN_PIXELS) & (drawn < DRAWN_SHARE * pixels)
     certain[0] = False
-    return np.asarray(certain[standing.parts] & half_height_outlines(terrain, standing))
+    return upright_parts(certain[standing.parts] & half_height_outlines(terrain, standing))
+
+
+def upright_parts(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Keep the connected parts that are clearly higher than wide in the image."""
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    upright = boxes[:, cv2.CC_STAT_HEIGHT] >= UPRIGHT_RATIO * boxes[:, cv2.CC_STAT_WIDTH]
+    upright[0] = False
+    return np.asarray(upright[labels])
 
 
 def around(where: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
