@@ -6,7 +6,8 @@
 Trains on the scenes of the suite `training` (rendered if need be), and reports on the scenes
 ``tune_*`` of the standard suite, which it does not train on; those named ``report_*`` it never
 reads. Needs PyTorch, the package needs only the file that comes out of it. On two cores that takes
-half an hour.
+half an hour. The weights that are shipped came of three such runs, each begun from the last one's
+weights as scenes were added: a run from the beginning gives others.
 """
 
 from __future__ import annotations
