@@ -324,29 +324,34 @@ def _detection(
     camera: StereoCamera,
     config: DetectorConfig,
 ) -> Detection:
+    # What is made on request must not hold on to maps and planes: a node keeps detections.
+    disparity, ground = stereo.disparity, stereo.ground
+    height_m, noise_m = terrain.height_m, terrain.noise_m
+    regions, is_seed = segments.regions, segments.is_seed
+
     def step() -> NDArray[np.float32]:
-        elevation_m = elevation_along(reproject(stereo.disparity, camera), stereo.ground.up_vector)
+        elevation_m = elevation_along(reproject(disparity, camera), ground.up_vector)
         return window_step(elevation_m, config.window_size)
 
     def known() -> NDArray[np.bool_]:
         # Noise that hides a step hides an obstacle; what stands out of it is one all the same.
-        found = terrain.measured & (terrain.noise_m < KNOWN_SHARE * config.max_step)
+        found = np.isfinite(height_m) & (noise_m < KNOWN_SHARE * config.max_step)
         found |= mask == OBSTACLE
         return np.asarray(found if rover_mask is None else found & ~rover_mask)
 
     return Detection(
         camera=camera,
         config=config,
-        ground=stereo.ground,
+        ground=ground,
         products={
             'grey': grey,
-            'disparity': stereo.disparity,
-            'regions': segments.regions,
-            'seeds': lambda: segments.is_seed[segments.regions],
-            'roughness': lambda: window_roughness(stereo.disparity, camera, config.window_size),
+            'disparity': disparity,
+            'regions': regions,
+            'seeds': lambda: is_seed[regions],
+            'roughness': lambda: window_roughness(disparity, camera, config.window_size),
             'step': step,
-            'height': terrain.height_m,
-            'height_noise': terrain.noise_m,
+            'height': height_m,
+            'height_noise': noise_m,
             'cues': cues,
             'known': known,
             'mask': mask,
