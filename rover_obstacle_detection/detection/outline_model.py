@@ -45,7 +45,9 @@ class OutlineModel:
         assert planes.shape[0] == len(PLANES)
         height, width = planes.shape[1:]
         bottom, right = -height % _MULTIPLE, -width % _MULTIPLE
-        padded = np.pad(planes, ((0, 0), (0, bottom), (0, right)), mode='edge')
+        padded = planes
+        if bottom or right:
+            padded = np.pad(planes, ((0, 0), (0, bottom), (0, right)), mode='edge')
         with self._turn:
             self._net.setInput(np.ascontiguousarray(padded[np.newaxis]))
             quarters = self._net.forward()[0].copy()
