@@ -14,6 +14,8 @@ from rover_obstacle_detection.detection.outline_planes import PLANES
 
 MODEL_FILE = 'outline_model.onnx'
 _MULTIPLE = 8
+_MOST_ROWS = 512
+_REACH = 48
 
 
 class OutlineModel:
@@ -48,14 +50,29 @@ class OutlineModel:
         padded = planes
         if bottom or right:
             padded = np.pad(planes, ((0, 0), (0, bottom), (0, right)), mode='edge')
+        logit = np.empty(padded.shape[1:], np.float32)
+        rows = padded.shape[1]
+        if rows <= _MOST_ROWS:
+            self._run(padded, logit)
+        else:
+            # In two halves, each seeing as far beyond as the filter looks: half the memory.
+            middle = rows // 2 // _MULTIPLE * _MULTIPLE
+            size = middle + _REACH
+            part = np.empty((size, padded.shape[2]), np.float32)
+            self._run(padded[:, :size], part)
+            logit[:middle] = part[:middle]
+            self._run(padded[:, rows - size :], part)
+            logit[middle:] = part[middle - rows :]
+        return np.asarray(1 / (1 + np.exp(-logit[:height, :width])), np.float32)
+
+    def _run(self, planes: NDArray[np.float32], logit: NDArray[np.float32]) -> None:
+        """Fill in the logit of each pixel; rows and columns are multiples of eight."""
         with self._turn:
-            self._net.setInput(np.ascontiguousarray(padded[np.newaxis]))
+            self._net.setInput(np.ascontiguousarray(planes[np.newaxis]))
             quarters = self._net.forward()[0].copy()
         # Four logits for each 2 x 2 pixels, row by row.
-        logit = np.empty(padded.shape[1:], np.float32)
         for number, quarter in enumerate(quarters):
             logit[number // 2 :: 2, number % 2 :: 2] = quarter
-        return np.asarray(1 / (1 + np.exp(-logit[:height, :width])), np.float32)
 
 
 @lru_cache(maxsize=1)
