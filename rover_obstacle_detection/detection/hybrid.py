@@ -123,6 +123,9 @@ def detect_hybrid(
     steep &= 'slope' not in leave_out
     dropped &= 'drop' not in leave_out
     finished('slope, drop')
+    if not config.max_roughness:
+        # The maps are as large as all that follows together, and have done their work.
+        terrain = replace(terrain, layers=())
     standing = standing_parts(terrain, config)
     finished('height')
     rocks = outlined_rocks(stereo, terrain, standing, config, learned='outlines' not in leave_out)
