@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import pytest
 
 from rover_obstacle_detection.errors import ConfigurationError, MissingExtraError
@@ -74,10 +76,17 @@ def test_every_parameter_has_a_description():
     assert all(parameter.description for parameter in parameters)
 
 
-def test_another_pitch_goes_into_the_rig():
-    scene = scene_of('x', 1, [], 'navcam', {'pitch_deg': 10})
-    assert scene.rig_used().pitch_deg == 10.0
-    assert scene.rig_used().baseline_m == RIGS['navcam'].baseline_m
+@pytest.mark.parametrize(
+    'own',
+    [
+        {'pitch_deg': 10},
+        {'camera_height_m': 1.2, 'baseline_m': 0.3},
+        {'horizontal_view_deg': 60.0},
+    ],
+)
+def test_what_a_scene_has_of_its_own_goes_into_the_rig(own):
+    scene = scene_of('x', 1, [], 'navcam', own)
+    assert asdict(scene.rig_used()) == {**asdict(RIGS['navcam']), **own}
 
 
 @pytest.mark.parametrize(

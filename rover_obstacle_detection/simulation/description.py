@@ -6,7 +6,7 @@ import difflib
 import types
 import typing
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from rover_obstacle_detection.detection.config import ParameterDescription
@@ -14,6 +14,7 @@ from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.simulation.rigs import RIGS, Rig
 
 LONGEST_DRIVE_M = 100.0
+_OF_THE_RIG = ('pitch_deg', 'camera_height_m', 'baseline_m', 'horizontal_view_deg')
 
 
 def _parameter(
@@ -212,6 +213,15 @@ class Scene(_Checked):
     pitch_deg: float = _parameter(
         0.0, "The camera's angle below the horizon (deg); 0: the rig's own.", 0.0, 89.0
     )
+    camera_height_m: float = _parameter(
+        0.0, "Height of the left eye above the ground (m); 0: the rig's own.", 0.0, 10.0
+    )
+    baseline_m: float = _parameter(
+        0.0, "Distance between the eyes (m); 0: the rig's own.", 0.0, 2.0
+    )
+    horizontal_view_deg: float = _parameter(
+        0.0, "Horizontal field of view (deg); 0: the rig's own.", 0.0, 150.0
+    )
     terrain: TerrainParameters = TerrainParameters()
     rocks: RockParameters = RockParameters()
     soil: SoilParameters = SoilParameters()
@@ -244,11 +254,9 @@ class Scene(_Checked):
         return asdict(self)
 
     def rig_used(self) -> Rig:
-        """Return the rig with this scene's own pitch."""
-        rig = RIGS[self.rig]
-        if self.pitch_deg:
-            rig = Rig(**{**asdict(rig), 'pitch_deg': self.pitch_deg})
-        return rig
+        """Return the rig with what this scene has of its own."""
+        own = {name: getattr(self, name) for name in _OF_THE_RIG if getattr(self, name)}
+        return replace(RIGS[self.rig], **own)
 
     @property
     def image_width(self) -> int:
