@@ -251,7 +251,13 @@ def rough(heights_m, *, noise_m=0.001, rocks=None, **config):
         0.04,
     )
     flat = np.zeros(positions.shape, np.float32)
-    layer = Layer(positions, flat, np.ones(positions.shape, bool), np.ones(height_m.shape, bool))
+    layer = Layer(
+        slice(0, len(height_m)),
+        positions,
+        flat,
+        np.ones(positions.shape, bool),
+        np.ones(height_m.shape, bool),
+    )
     terrain = Terrain(
         height_m,
         np.full(height_m.shape, noise_m, np.float32),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
-from rover_obstacle_detection.detection.slope import dropped_cells, steep_cells
+from rover_obstacle_detection.detection.slope import dropped_cells, level_heights, steep_cells
 
 CELL_M = 0.05
 ROWS, COLUMNS = np.mgrid[:60, :80] * CELL_M
@@ -82,6 +82,42 @@ def test_sideways_tilt_and_relief():
 @pytest.mark.parametrize(('limit', 'expected'), [(10, True), (16, False)])
 def test_limit_is_the_rovers(limit, expected):
     assert steep(ramp(13), ground(), limit) == expected
+
+
+def steep_rows(*angles_deg, rows_each=20):
+    rise = np.repeat(np.tan(np.radians(angles_deg)), rows_each) * CELL_M
+    relief = np.broadcast_to(np.cumsum(rise)[:, np.newaxis], (len(rise), 30))
+    found = steep_cells(relief.astype(np.float32), CELL_M, ground(), 20.0)
+    return found[1:-1, 15]
+
+
+def test_hardly_less_steep_ground_belongs_to_the_steep_slope_it_joins():
+    assert steep_rows(0, 19, 25, 25, 19, 0)[21:98].all()
+    # Alone, or if it is most of the whole, it is none.
+    assert not steep_rows(0, 19, 0).any()
+    found = steep_rows(0, 19, 19, 25, 19, 0)
+    assert found[62:78].all()
+    assert not found[21:55].any()
+    # What is clearly less steep does not.
+    assert not steep_rows(0, 17, 25, 0)[:38].any()
+
+
+@pytest.mark.parametrize('tilt', [-15.0, 0.0, 20.0])
+def test_level_heights_are_along_the_vertical(tilt):
+    plane = ground(tilt_deg=tilt)
+    heights = level_heights(ramp(-tilt), CELL_M, plane)
+    np.testing.assert_allclose(heights, 0, atol=1e-5)
+
+
+def test_the_foot_of_a_slope_is_no_hollow_over_a_tilted_plane():
+    # Level, then 26 degrees up, over a plane that rises by 13 degrees throughout.
+    up = np.maximum(ROWS - 1.5, 0) * math.tan(math.radians(26))
+    plane = ground(tilt_deg=13)
+    over_plane = (up * math.cos(math.radians(13)) - ROWS * math.sin(math.radians(13))).astype(
+        np.float32
+    )
+    assert drops(over_plane).any()
+    assert not drops(level_heights(over_plane, CELL_M, plane)).any()
 
 
 def drops(relief, seen=None, surroundings=2.0, limit=0.1):

@@ -183,11 +183,13 @@ def test_layers_are_the_spans_and_share_no_pixel():
     terrain, disparity, _, y = EYE.survey(flat)
     spans = list(layer_spans(EYE.camera, EYE.height_m, DetectorConfig()))
     assert [layer.positions.cell_m for layer in terrain.layers] == [cell for cell, _ in spans]
-    count = sum(layer.pixels.astype(int) for layer in terrain.layers)
+    count = np.zeros(disparity.shape, int)
+    for layer in terrain.layers:
+        count[layer.rows] += layer.pixels
     np.testing.assert_array_equal(count, disparity > 0)
     nearest = -math.inf
     for layer, (_, farthest) in zip(terrain.layers, spans, strict=True):
-        distance = y[layer.pixels]
+        distance = y[layer.rows][layer.pixels]
         assert nearest - 1e-3 <= distance.min() <= distance.max() <= farthest + 1e-3
         nearest = farthest
         # Seen somewhat beyond, so that the ground does not end where the layer does.
@@ -195,11 +197,19 @@ def test_layers_are_the_spans_and_share_no_pixel():
         assert layer.ground_m.shape == layer.seen.shape == layer.positions.shape
 
 
+def test_a_far_layer_does_not_look_at_what_is_near():
+    terrain, _, _, y = EYE.survey(flat)
+    for nearer, layer in zip(terrain.layers, terrain.layers[1:], strict=False):
+        end = y[nearer.rows][nearer.pixels].max()
+        seen = y[layer.rows][layer.positions.inside]
+        assert end / 1.25 - 1.0 - 0.1 <= seen.min() < end
+
+
 def test_without_layers_one_map_serves_all():
     terrain, disparity, _, _ = EYE.survey(block(0.1, 2.5, 0.4, 0.3), layered=False)
     (layer,) = terrain.layers
     assert layer.positions.cell_m == pytest.approx(0.04)
-    np.testing.assert_array_equal(layer.pixels, disparity > 0)
+    np.testing.assert_array_equal(layer.pixels, (disparity > 0)[layer.rows])
     assert np.nanmax(terrain.height_m) == pytest.approx(0.3, abs=0.01)
 
 

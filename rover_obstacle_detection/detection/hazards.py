@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.elevation_map import Grid, cell_means, sample_map
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.local_ground import smoothed
-from rover_obstacle_detection.detection.slope import dropped_cells, steep_cells
+from rover_obstacle_detection.detection.slope import dropped_cells, level_heights, steep_cells
 from rover_obstacle_detection.detection.survey import SMOOTHING_M, Layer, Terrain
 
 # Rocks: what may be one, so that its outline is worth looking at.
@@ -27,12 +27,14 @@ MIN_CORE_PIXELS = 3
 TOP_SHARE = 0.1
 
 RELIEF_M = 0.10
-WIDE_RELIEF_M = (0.30, 0.80)
+WIDE_RELIEF_M = (0.20, 0.50)
 SLOPE_NOISE_DEG = 3.0
 # Noise over so much of the step hides an obstacle.
 KNOWN_SHARE = 0.5
+# Slope and drop are of many pixels' mean: they stand more noise in each.
+GROUND_KNOWN_SHARE = 0.8
 DROP_SURROUNDINGS_M = 1.8
-DROP_NOISES = 2.0
+DROP_NOISES = 1.5
 ROUGHNESS_M = 0.25
 
 
@@ -98,12 +100,18 @@ def impassable_ground(
         cell_m = layer.positions.cell_m
         in_steep = steep_cells(relief_m, cell_m, ground, config.max_slope)
         depth_m = config.max_step + DROP_NOISES * noise_m
-        in_dropped = dropped_cells(relief_m, layer.seen, cell_m, DROP_SURROUNDINGS_M, depth_m)
+        in_dropped = dropped_cells(
+            level_heights(relief_m, cell_m, ground),
+            layer.seen,
+            cell_m,
+            DROP_SURROUNDINGS_M,
+            depth_m,
+        )
         for cells, image in ((in_steep, steep), (in_dropped, dropped)):
             if cells.any():
                 inside = sample_map(cells.astype(np.float32), layer.positions) > 0.5
-                image |= inside & layer.pixels
-    quiet = terrain.noise_m < KNOWN_SHARE * config.max_step
+                image[layer.rows] |= inside & layer.pixels
+    quiet = terrain.noise_m < GROUND_KNOWN_SHARE * config.max_step
     return steep & quiet, dropped & quiet
 
 
@@ -132,15 +140,15 @@ def rough_ground(
     height_m = np.clip(terrain.height_m, -config.max_step, config.max_step)
     squares = np.where(usable, height_m**2 - terrain.noise_m**2, 0).astype(np.float32)
     for layer in terrain.layers:
-        weight = (usable & layer.pixels).astype(np.float32)
-        mean, count = cell_means(squares, weight, layer.positions)
+        weight = (usable[layer.rows] & layer.pixels).astype(np.float32)
+        mean, count = cell_means(squares[layer.rows], weight, layer.positions)
         present = (count > 0).astype(np.float32)
         sigma = max(ROUGHNESS_M / layer.positions.cell_m, 0.6)
         square = smoothed(mean * present, sigma) / np.maximum(smoothed(present, sigma), 1e-3)
         cells = square > config.max_roughness**2
         if cells.any():
             inside = sample_map(cells.astype(np.float32), layer.positions) > 0.5
-            rough |= inside & layer.pixels
+            rough[layer.rows] |= inside & layer.pixels
     return rough & usable
 
 
@@ -178,8 +186,9 @@ def _mean(image: Grid, sigma_cells: float) -> Grid:
 
 def _cell_noise(layer: Layer, terrain: Terrain) -> Grid:
     """Noise of the heights in each cell, metres; of the nearest seen cells in empty ones."""
-    known = (layer.pixels & np.isfinite(terrain.noise_m)).astype(np.float32)
-    mean_m, weight = cell_means(np.where(known > 0, terrain.noise_m, 0), known, layer.positions)
+    noise_m = terrain.noise_m[layer.rows]
+    known = (layer.pixels & np.isfinite(noise_m)).astype(np.float32)
+    mean_m, weight = cell_means(np.where(known > 0, noise_m, 0), known, layer.positions)
     present = (weight > 0).astype(np.float32)
     spread = smoothed(present, 3.0)
     return np.asarray(smoothed(mean_m * present, 3.0) / np.maximum(spread, 1e-6), np.float32)

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.elevation_map import Grid, ground_axes
 from rover_obstacle_detection.detection.gravity import GroundPlane
 
+LOST_SLOPE_DEG = 1.5
+STEEP_SHARE = 0.4
+
 
 def steep_cells(
     relief_m: Grid, cell_m: float, ground: GroundPlane, max_slope_deg: float
@@ -26,6 +29,11 @@ def steep_cells(
     ground : GroundPlane
         The plane, and the vertical against which slope counts.
     max_slope_deg : float
+
+    Notes
+    -----
+    Smoothing takes a degree or two off a slope where it begins and ends: what is connected and
+    hardly less steep belongs to it, if a good part of the whole is steep enough.
     """
     right, forward = ground_axes(ground)
     up, normal = np.asarray(ground.up), np.asarray(ground.normal)
@@ -36,11 +44,42 @@ def steep_cells(
         float(normal @ up) - float(right @ up) * rise_right - float(forward @ up) * rise_forward
     )
     length = np.sqrt(1 + rise_right * rise_right + rise_forward * rise_forward)
-    return np.asarray(upward < math.cos(math.radians(max_slope_deg)) * length)
+    steep = upward < math.cos(math.radians(max_slope_deg)) * length
+    if not steep.any():
+        return np.asarray(steep)
+    nearly = upward < math.cos(math.radians(max(max_slope_deg - LOST_SLOPE_DEG, 0))) * length
+    count, labels = cv2.connectedComponents(nearly.astype(np.uint8), connectivity=8)
+    whole = np.bincount(labels.ravel(), minlength=count)
+    part = np.bincount(labels[steep], minlength=count)
+    kept = part >= STEEP_SHARE * whole
+    kept[0] = False
+    return np.asarray(steep | kept[labels])
+
+
+def level_heights(relief_m: Grid, cell_m: float, ground: GroundPlane) -> Grid:
+    """Turn heights over the plane into heights along the vertical, but for a constant.
+
+    Over a plane that lies between level ground and a slope, the foot of the slope is a hollow.
+
+    Parameters
+    ----------
+    relief_m : ndarray of float32, shape (rows, columns)
+        Height of the ground over the plane, metres.
+    cell_m : float
+        Side of a cell, metres.
+    ground : GroundPlane
+        The plane, and the vertical.
+    """
+    up, (right, forward) = np.asarray(ground.up), ground_axes(ground)
+    rows, columns = relief_m.shape
+    across_m = np.arange(columns, dtype=np.float32) * np.float32(cell_m * float(right @ up))
+    along_m = np.arange(rows, dtype=np.float32) * np.float32(cell_m * float(forward @ up))
+    upright = np.float32(np.asarray(ground.normal) @ up)
+    return np.asarray(relief_m * upright + across_m + along_m[:, np.newaxis], np.float32)
 
 
 def dropped_cells(
-    relief_m: Grid,
+    height_m: Grid,
     seen: NDArray[np.bool_],
     cell_m: float,
     surroundings_m: float,
@@ -50,8 +89,8 @@ def dropped_cells(
 
     Parameters
     ----------
-    relief_m : ndarray of float32, shape (rows, columns)
-        Height of the ground over the plane, metres.
+    height_m : ndarray of float32, shape (rows, columns)
+        Height of the ground along the vertical, over any level, metres.
     seen : ndarray of bool, shape (rows, columns)
         Cells that were measured: only those can be a brim.
     cell_m : float
@@ -67,10 +106,10 @@ def dropped_cells(
     made on cells of about a twentieth of ``surroundings_m``.
     """
     reduction = max(1, round(surroundings_m / (20 * cell_m)))
-    rows, columns = relief_m.shape
+    rows, columns = height_m.shape
     small = max(1, columns // reduction), max(1, rows // reduction)
     share = cv2.resize(seen.astype(np.float32), small, interpolation=cv2.INTER_AREA)
-    total = cv2.resize(np.where(seen, relief_m, 0), small, interpolation=cv2.INTER_AREA)
+    total = cv2.resize(np.where(seen, height_m, 0), small, interpolation=cv2.INTER_AREA)
     abyss = np.float32(-1e4)
     level = np.where(share > 0, total / np.maximum(share, 1e-6), abyss).astype(np.float32)
     size = round(surroundings_m / (reduction * cell_m)) | 1
@@ -78,5 +117,5 @@ def dropped_cells(
     wide = cv2.copyMakeBorder(level, *4 * (size,), cv2.BORDER_CONSTANT, value=float(abyss))
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
     brim = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel)[size:-size, size:-size]
-    depth_m = cv2.resize(brim, (columns, rows), interpolation=cv2.INTER_NEAREST) - relief_m
+    depth_m = cv2.resize(brim, (columns, rows), interpolation=cv2.INTER_NEAREST) - height_m
     return np.asarray((depth_m > max_drop_m) & seen)

@@ -47,15 +47,18 @@ class Layer:
 
     Parameters
     ----------
+    rows : slice
+        Rows of the image that it needs.
     positions : MapPositions
-        Of the pixels that made it, some beyond its span.
-    ground_m : ndarray of float32, shape (rows, columns)
+        Of the pixels in those rows that made it, some beyond its span.
+    ground_m : ndarray of float32, shape of the map
         Height of the ground over the plane, metres.
-    seen : ndarray of bool, shape (rows, columns)
-    pixels : ndarray of bool, shape (height, width)
-        Pixels within its span.
+    seen : ndarray of bool, shape of the map
+    pixels : ndarray of bool, shape (rows, width)
+        Pixels of those rows within its span.
     """
 
+    rows: slice
     positions: MapPositions
     ground_m: Grid
     seen: NDArray[np.bool_]
@@ -87,6 +90,12 @@ class Terrain:
     def measured(self) -> NDArray[np.bool_]:
         """Pixels with a height."""
         return np.isfinite(self.height_m)
+
+    def within(self, window: tuple[slice, slice]) -> Terrain:
+        """Give the same of a window of the image, without the layers."""
+        return Terrain(
+            self.height_m[window], self.noise_m[window], self.pixels_per_metre[window], ()
+        )
 
 
 def survey(
@@ -136,21 +145,23 @@ def survey(
     rise = math.tan(math.radians(config.max_slope))
     # Ground is what could be driven up to: false matches in the sky would make some nearby.
     ground_like = in_range & (over_plane_m <= rise * along_m + config.max_step)
+    relief = np.float32(WITHIN_CELL_M**2)
+    trust = np.where(ground_like, relief / (relief + noise_m * noise_m), 0).astype(np.float32)
     height_m = np.full_like(disparity, np.nan)
     layers = []
     nearest_m = -math.inf
     spans = list(layer_spans(camera, ground.height_m, config))
     for cell_m, farthest_m in spans if layered else [(spans[0][0], math.inf)]:
         usable = in_range & (along_m <= farthest_m * _OVERLAP + _OVERLAP_M)
-        pixels = in_range & (along_m > nearest_m) & (along_m <= farthest_m)
+        usable &= along_m >= nearest_m / _OVERLAP - _OVERLAP_M
+        rows = rows_with(usable)
+        usable = usable[rows]
+        pixels = usable & (along_m[rows] > nearest_m) & (along_m[rows] <= farthest_m)
         nearest_m = farthest_m
         if not pixels.any():
             continue
-        positions = map_positions(across_m, along_m, usable, cell_m)
-        trust = np.zeros_like(disparity)
-        relief = np.float32(WITHIN_CELL_M**2)
-        np.divide(relief, relief + noise_m * noise_m, out=trust, where=usable & ground_like)
-        mean_m, weight = cell_means(over_plane_m, trust, positions)
+        positions = map_positions(across_m[rows], along_m[rows], usable, cell_m)
+        mean_m, weight = cell_means(over_plane_m[rows], trust[rows] * usable, positions)
         ground_m = local_ground(
             mean_m,
             weight,
@@ -160,10 +171,17 @@ def survey(
             smoothing_m=max(SMOOTHING_M, 1.2 * cell_m),
             tolerance_m=GROUND_SHARE * config.max_step,
         )
-        height_m[pixels] = (over_plane_m - sample_map(ground_m, positions))[pixels]
-        layers.append(Layer(positions, ground_m, weight > 0, pixels))
+        above_m = over_plane_m[rows] - sample_map(ground_m, positions)
+        np.copyto(height_m[rows], above_m, where=pixels)
+        layers.append(Layer(rows, positions, ground_m, weight > 0, pixels))
     pixels_per_metre = disparity / np.float32(camera.baseline_m)
     return Terrain(height_m, noise_m, pixels_per_metre, tuple(layers))
+
+
+def rows_with(pixels: NDArray[np.bool_]) -> slice:
+    """Give the rows of the image from the first such pixel to the last."""
+    rows = np.flatnonzero(pixels.any(axis=1))
+    return slice(int(rows[0]), int(rows[-1]) + 1) if rows.size else slice(0, 0)
 
 
 def layer_spans(
