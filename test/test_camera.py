@@ -209,18 +209,6 @@ def test_resizing_keeps_where_points_fall(x, y, z, width, height):
     assert small.shape == (height, width)
 
 
-@given(every=st.integers(1, 5), x=st.floats(-1, 1), z=st.floats(0.3, 20))
-def test_decimation_keeps_every_nth_pixel(every, x, z):
-    each = camera(width=641, height=479, cx_right=311.5)
-    small = each.decimated(every)
-    assert small.shape == np.empty(each.shape)[::every, ::every].shape
-    column, row, disparity = project(each, x, 0.2, z)
-    assert project(small, x, 0.2, z) == pytest.approx(
-        (column / every, row / every, disparity / every)
-    )
-    assert small.disparity_offset == pytest.approx(8 / every)
-
-
 def test_rays_point_through_the_pixel_centres():
     x_over_z, y_over_z = camera(width=5, height=3, fx=2.0, fy=4.0, cx=2.0, cy=1.0).rays()
     assert x_over_z.dtype == y_over_z.dtype == np.float32

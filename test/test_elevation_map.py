@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.elevation_map import (
     MapPositions,
-    cell_depths,
     cell_means,
     ground_axes,
     map_positions,
@@ -88,18 +87,6 @@ def test_cells_are_metres_on_the_ground(pitch, roll):
     # The map's origin is a whole cell.
     np.testing.assert_allclose(found.column[found.inside] + found.first_column, across, atol=1e-3)
     np.testing.assert_allclose(found.row[found.inside] + found.first_row, along, atol=1e-3)
-
-
-@pytest.mark.parametrize(('pitch', 'roll'), [(46, 0), (30, 10), (0, -5)])
-def test_cells_lie_as_deep_as_their_pixels(pitch, roll):
-    plane = ground(pitch, roll)
-    disparity = plane_disparity(plane)
-    found = placed(disparity, plane, 0.02, 5.0)
-    depths = cell_depths(found, plane)
-    assert depths.shape == found.shape
-    assert depths.dtype == np.float32
-    sampled = sample_map(depths, found)[found.inside]
-    np.testing.assert_allclose(sampled, CAMERA.depth_m(disparity[found.inside]), atol=2e-3)
 
 
 def test_pixels_that_are_not_usable_are_outside():

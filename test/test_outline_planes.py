@@ -5,18 +5,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.ground_matching import Stereo
 from rover_obstacle_detection.detection.hazards import Standing
 from rover_obstacle_detection.detection.outline_planes import (
+    EVERYWHERE,
     PLANES,
     grey_against_ground,
     measured_neighbours,
     outline_planes,
 )
+from rover_obstacle_detection.detection.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.survey import Terrain
 
 NAN = np.nan
 SHAPE = (30, 40)
+CAMERA = StereoCamera(40, 30, 30.0, 30.0, 19.5, 14.5, 0.1)
+TEXTURE = 4.0
 
 
 def scene(scale=1.0, gaps=()):
@@ -42,12 +49,26 @@ def grey_image():
     return grey
 
 
-def planes_of(terrain, standing, max_step=0.1, noise_px=0.1):
-    noise = np.broadcast_to(np.float32(noise_px), SHAPE)
-    found = outline_planes(
-        terrain, noise, standing, grey_image(), DetectorConfig(max_step=max_step)
+def stereo_of(noise_px, height_m=1.0):
+    up = (0.0, -1.0, 0.0)
+    flat = np.full(SHAPE, 5, np.float32)
+    noise = np.broadcast_to(np.float32(noise_px), SHAPE).copy()
+    pair = grey_image(), np.roll(grey_image(), -5, axis=1)
+    return Stereo(
+        pair, GroundPlane(up, height_m, up), flat, flat.copy(), noise, RowAlignment(), 2.0, TEXTURE
     )
-    assert found.shape == (len(PLANES), *SHAPE)
+
+
+def planes_of(terrain, standing, max_step=0.1, noise_px=0.1, window=EVERYWHERE):
+    found = outline_planes(
+        stereo_of(noise_px, max_step * 10),
+        terrain,
+        standing,
+        CAMERA,
+        DetectorConfig(max_step=max_step),
+        window,
+    )
+    assert found.shape == (len(PLANES), *np.empty(SHAPE)[window].shape)
     assert found.dtype == np.float32
     assert np.isfinite(found).all()
     return dict(zip(PLANES, found, strict=True))
@@ -149,6 +170,16 @@ def test_gap_at_the_border_takes_the_only_side():
     np.testing.assert_allclose(planes['height over the step'][13, 10:], 3)
 
 
+def test_a_window_sees_what_the_whole_sees():
+    whole = planes_of(*scene(gaps=(np.s_[12, 18:22],)))
+    window = np.s_[4:28, 4:36]
+    part = planes_of(*scene(gaps=(np.s_[12, 18:22],)), window=window)
+    inner = np.s_[8:-8, 8:-8]
+    for name in PLANES:
+        if name not in ('grey level against the ground', 'parallax evidence'):
+            np.testing.assert_array_equal(part[name][inner], whole[name][window][inner])
+
+
 def test_row_without_any_measurement_is_flat_and_noisy():
     terrain, standing = scene(gaps=(np.s_[12],))
     planes = planes_of(terrain, standing)
@@ -160,9 +191,10 @@ def test_row_without_any_measurement_is_flat_and_noisy():
 def test_terrain_stays_as_it_is():
     terrain, standing = scene(gaps=(np.s_[12, 18:24],))
     before = terrain.height_m.copy(), terrain.noise_m.copy(), terrain.pixels_per_metre.copy()
-    noise_px = np.full(SHAPE, 0.1, np.float32)
+    stereo = stereo_of(0.1)
+    noise_px = stereo.noise_px
     noise_px[0, 0] = 0.2
-    outline_planes(terrain, noise_px, standing, grey_image(), DetectorConfig())
+    outline_planes(stereo, terrain, standing, CAMERA, DetectorConfig())
     after = terrain.height_m, terrain.noise_m, terrain.pixels_per_metre
     for one, other in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -176,7 +208,7 @@ def test_grey_level_is_in_units_of_the_texture():
     on_part[10:20, 10:20] = 1
     found = [
         grey_against_ground(
-            np.rint(120 + spread * (texture + 6 * on_part)).astype(np.uint8), on_part
+            np.rint(120 + spread * (texture + 6 * on_part)).astype(np.uint8), on_part, spread
         )
         for spread in (4, 8)
     ]
@@ -187,7 +219,7 @@ def test_grey_level_is_in_units_of_the_texture():
 
 
 def test_without_ground_around_there_is_nothing_to_compare_with():
-    found = grey_against_ground(grey_image(), np.ones(SHAPE, np.float32))
+    found = grey_against_ground(grey_image(), np.ones(SHAPE, np.float32), 4.0)
     assert not found.any()
 
 

@@ -24,7 +24,8 @@ def whole_pixels(plane=PLANE):
 
 def refined(pair, disparity=None, camera=CAMERA, alignment=STRAIGHT):
     disparity = whole_pixels() if disparity is None else disparity
-    found, noise_px = refine_disparity(*pair, disparity, camera, alignment)
+    refined = refine_disparity(*pair, disparity, camera, alignment)
+    found, noise_px = refined.disparity, refined.noise_px
     for array in (found, noise_px):
         assert array.dtype == np.float32
         assert array.shape == disparity.shape
@@ -47,6 +48,15 @@ def test_whole_pixels_are_brought_to_fractions(noise, limit):
     pair = waves.stereo_pair(CAMERA, PLANE, noise=noise)
     assert rms(whole_pixels()) == pytest.approx(12**-0.5, abs=0.03)
     assert rms(refined(pair)[0]) < limit
+
+
+@pytest.mark.parametrize('noise', [2.0, 5.0])
+def test_grey_noise_is_that_between_both_images(noise):
+    disparity = PLANE.disparity(CAMERA).astype(np.float32)
+    found = refine_disparity(
+        *waves.stereo_pair(CAMERA, PLANE, noise=noise), disparity, CAMERA, STRAIGHT
+    )
+    assert found.grey_noise == pytest.approx(noise * 2**0.5, rel=0.15)
 
 
 @pytest.mark.parametrize(('noise', 'limit'), [(0.0, 0.05), (2.0, 0.06)])

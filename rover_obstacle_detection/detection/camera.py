@@ -150,20 +150,6 @@ class StereoCamera:
             cx_right=(self.cx_right + 0.5) * scale_x - 0.5,
         )
 
-    def decimated(self, every: int) -> StereoCamera:
-        """Return the same camera with only every n-th column and row, from the first."""
-        assert self.cx_right is not None
-        return StereoCamera(
-            width=-(-self.width // every),
-            height=-(-self.height // every),
-            fx=self.fx / every,
-            fy=self.fy / every,
-            cx=self.cx / every,
-            cy=self.cy / every,
-            baseline_m=self.baseline_m,
-            cx_right=self.cx_right / every,
-        )
-
     def rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Direction of each column and row.
 

@@ -1,45 +1,10 @@
-"""Height above the local ground against the rover's clearance."""
+"""Connected parts of a mask: how high they stand, how large they are, what they enclose."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-
-def grown_from_cores(
-    height_m: NDArray[np.float32],
-    core_m: NDArray[np.float32] | float,
-    foot_m: NDArray[np.float32] | float,
-    min_core_pixels: int,
-) -> NDArray[np.bool_]:
-    """Keep what rises over the foot level and is connected with enough that rises over the core.
-
-    Parameters
-    ----------
-    height_m : ndarray of float32, shape (height, width)
-        Above the local ground, metres; NaN where none.
-    core_m, foot_m : float or ndarray of float32, shape (height, width)
-        Height that makes an obstacle, and height down to which it is grown, metres.
-    min_core_pixels : int
-        Cores of fewer pixels are noise.
-
-    Returns
-    -------
-    ndarray of bool, shape (height, width)
-
-    Notes
-    -----
-    Hysteresis thresholding (Canny 1986) in place of the study's single threshold.
-    """
-    with np.errstate(invalid='ignore'):
-        foot = (height_m > foot_m).astype(np.uint8)
-        core = height_m > core_m
-    count, labels = cv2.connectedComponents(foot, connectivity=8)
-    cores = np.bincount(labels[core], minlength=count)
-    keep = cores >= min_core_pixels
-    keep[0] = False
-    return np.asarray(keep[labels])
 
 
 def top_heights(
@@ -63,14 +28,21 @@ def top_heights(
     """
     flat = parts.ravel()
     inside = np.flatnonzero(flat)
-    number, height = flat[inside], height_m.ravel()[inside]
-    order = np.lexsort((-height, number))
-    number, height = number[order], height[order].astype(np.float64)
+    number, height = flat[inside], height_m.ravel()[inside].astype(np.float64)
     tops = np.zeros(int(parts.max(initial=0)) + 1, np.float32)
-    found, first, count = np.unique(number, return_index=True, return_counts=True)
-    averaged = np.maximum((count * share).astype(np.intp), 1)
-    running = np.concatenate(([0.0], np.cumsum(height)))
-    tops[found] = (running[first + averaged] - running[first]) / averaged
+    if not inside.size:
+        return tops
+    count = np.bincount(number, minlength=tops.size)
+    first = np.concatenate(([0], np.cumsum(count)))[:-1]
+    # One sort of one key for each pixel: by part, the highest first.
+    span = 1 + height.max() - height.min()
+    highest = number * span + (height.max() - height)
+    highest.sort()
+    highest = height.max() - (highest - np.repeat(np.arange(tops.size), count) * span)
+    running = np.concatenate(([0.0], np.cumsum(highest)))
+    found = np.flatnonzero(count)
+    averaged = np.maximum((count[found] * share).astype(np.intp), 1)
+    tops[found] = (running[first[found] + averaged] - running[first[found]]) / averaged
     return tops
 
 

@@ -120,17 +120,6 @@ def map_positions(
     )
 
 
-def cell_depths(positions: MapPositions, ground: GroundPlane) -> NDArray[np.float32]:
-    """Find how far along the optical axis each cell of the plane lies, metres."""
-    right, forward = ground_axes(ground)
-    rows, columns = positions.shape
-    across_m = (np.arange(columns) + positions.first_column) * positions.cell_m
-    along_m = (np.arange(rows) + positions.first_row) * positions.cell_m
-    below_m = -ground.normal[2] * ground.height_m
-    depth_m = across_m[np.newaxis] * right[2] + along_m[:, np.newaxis] * forward[2] + below_m
-    return np.asarray(depth_m, np.float32)
-
-
 def cell_means(
     values: NDArray[np.float32], weights: NDArray[np.float32], positions: MapPositions
 ) -> tuple[Grid, Grid]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ from rover_obstacle_detection.detection.image_noise import (
     smoothed_against_noise,
 )
 from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX
-from rover_obstacle_detection.detection.outline import untextured
+from rover_obstacle_detection.detection.outline import texture_level, untextured
 from rover_obstacle_detection.detection.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.subpixel import refine_disparity
 from rover_obstacle_detection.detection.warped_matching import (
@@ -56,6 +56,12 @@ class Stereo:
         Pixels, the camera's offset taken off; 0 where there is no match.
     noise_px : ndarray of float32, shape (height, width)
         Its standard deviation.
+    alignment : RowAlignment
+        Rows by which the right image is off.
+    grey_noise : float
+        Standard deviation of the grey level between both images where they match.
+    texture : float
+        Spread of the left image's grey level within a few pixels.
     """
 
     pair: GreyPair
@@ -63,6 +69,9 @@ class Stereo:
     expected: NDArray[np.float32]
     disparity: NDArray[np.float32]
     noise_px: NDArray[np.float32]
+    alignment: RowAlignment
+    grey_noise: float
+    texture: float
 
 
 def match_against_ground(
@@ -120,12 +129,21 @@ def match_against_ground(
     matched = disparity > 0
     disparity = np.where(matched, cv2.medianBlur(disparity, 3), 0).astype(np.float32)
     finished('disparity')
+    refined = refine_disparity(*pair, disparity, camera, alignment)
     if 'subpixel' in leave_out:
         noise_px = np.full_like(disparity, DISPARITY_NOISE_PX / 2)
-    else:
-        disparity, noise_px = refine_disparity(*pair, disparity, camera, alignment)
+        refined = replace(refined, disparity=disparity, noise_px=noise_px)
     finished('subpixel')
-    return Stereo(pair, ground, expected, disparity, noise_px)
+    return Stereo(
+        pair,
+        ground,
+        expected,
+        refined.disparity,
+        refined.noise_px,
+        alignment,
+        refined.grey_noise,
+        texture_level(pair[0]),
+    )
 
 
 def image_penalties(grey: NDArray[np.uint8], share: float, config: DetectorConfig) -> Penalties:

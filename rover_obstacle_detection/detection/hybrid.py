@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import cv2
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.clearance import high_holes, small_parts
+from rover_obstacle_detection.detection.clearance import small_parts
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.cue import Cue
 from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection
@@ -18,21 +18,16 @@ from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.grey_level import dark_regions
 from rover_obstacle_detection.detection.ground_matching import Stereo, match_against_ground
 from rover_obstacle_detection.detection.hazards import (
-    FOOT_M,
-    FOOT_SHARE,
     KNOWN_SHARE,
-    MIN_CORE_PIXELS,
-    Standing,
     impassable_ground,
     rough_ground,
     standing_parts,
 )
 from rover_obstacle_detection.detection.image import GreyPair
 from rover_obstacle_detection.detection.outline import texture_level
-from rover_obstacle_detection.detection.outline_model import outline_model
-from rover_obstacle_detection.detection.outline_planes import PLANES, outline_planes
 from rover_obstacle_detection.detection.regions import nearest_values, seed_regions
 from rover_obstacle_detection.detection.reprojection import reproject
+from rover_obstacle_detection.detection.rocks import outlined_rocks
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
 from rover_obstacle_detection.detection.survey import OPENING_M, Terrain, survey
 from rover_obstacle_detection.detection.terrain import (
@@ -51,6 +46,8 @@ OPTIONAL_STAGES = (
     'slope',
     'drop',
     'outlines',
+    'parallax',
+    'apparent size',
     'regions',
     'grey level',
 )
@@ -59,16 +56,6 @@ OPTIONAL_STAGES = (
 REGION_REDUCTION = 4
 TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
-HOLE_SHARE = 0.5
-STANDING_SHARE = 0.3
-FULL_STEP_PX = 20.0
-LEAST_SEEN_SHARE = 0.7
-CERTAIN_SHARE = 1.5
-CERTAIN_NOISE_SHARE = 0.15
-CERTAIN_PIXELS = 40
-DRAWN_SHARE = 0.3
-UPRIGHT_RATIO = 1.5
-OUTLINE_MARGIN = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +115,7 @@ def detect_hybrid(
         terrain = replace(terrain, layers=())
     standing = standing_parts(terrain, config)
     finished('height')
-    rocks = outlined_rocks(stereo, terrain, standing, config, learned='outlines' not in leave_out)
+    rocks = outlined_rocks(stereo, terrain, standing, camera, config, leave_out)
     finished('outlines')
     rough = rough_ground(terrain, rocks | steep | dropped, config)
     finished('roughness')
@@ -138,130 +125,40 @@ def detect_hybrid(
     near_rock &= 'regions' not in leave_out
     dark &= 'grey level' not in leave_out
     finished('regions')
-    cues = np.uint8(Cue.HEIGHT) * rocks
-    for cue, where in (
-        (Cue.SLOPE, steep),
-        (Cue.DROP, dropped),
-        (Cue.ROUGHNESS_STEP, rough),
-        (Cue.REGION, near_rock),
-        (Cue.GREY_LEVEL, dark),
-    ):
+    found = {
+        Cue.HEIGHT: rocks,
+        Cue.SLOPE: steep,
+        Cue.DROP: dropped,
+        Cue.ROUGHNESS_STEP: rough,
+        Cue.REGION: near_rock,
+        Cue.GREY_LEVEL: dark,
+    }
+    cues, mask = combined(found, rover_mask)
+    finished('mask')
+    return _detection(stereo, terrain, segments, cues, mask, rover_mask, pair[0], camera, config)
+
+
+def combined(
+    found: Mapping[Cue, NDArray[np.bool_]], rover_mask: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Put together what each cue found; specks and the rover itself are no obstacles.
+
+    Returns
+    -------
+    cues : ndarray of uint8, shape (height, width)
+        Sum of the cues of each obstacle pixel.
+    mask : ndarray of uint8, shape (height, width)
+        `FREE` or `OBSTACLE`.
+    """
+    cues = np.zeros(next(iter(found.values())).shape, np.uint8)
+    for cue, where in found.items():
         cues += np.uint8(cue) * where
     obstacle = cues > 0
     obstacle &= ~small_parts(obstacle, MIN_PIXELS)
     if rover_mask is not None:
         obstacle &= ~rover_mask
     cues[~obstacle] = 0
-    mask = np.where(obstacle, OBSTACLE, FREE).astype(np.uint8)
-    finished('mask')
-    return _detection(stereo, terrain, segments, cues, mask, rover_mask, pair[0], camera, config)
-
-
-def outlined_rocks(
-    stereo: Stereo,
-    terrain: Terrain,
-    standing: Standing,
-    config: DetectorConfig,
-    *,
-    learned: bool = True,
-) -> NDArray[np.bool_]:
-    """Draw the outlines of what stands higher above the local ground than the rover can step.
-
-    Parameters
-    ----------
-    stereo : Stereo
-    terrain : Terrain
-    standing : Standing
-    config : DetectorConfig
-    learned : bool
-        Whether the filter draws them; else a threshold at half the height beside.
-
-    Notes
-    -----
-    Disparity blurs outlines by the size of its blocks, and the foot of a rock is as high as the
-    ground. The filter sees height, noise and grey level together. What it draws is an
-    obstacle only with a core about as high as the step and over the noise, and only if it stands;
-    and what stands far over both is one whatever the filter says.
-    """
-    if not standing.top_m.any():
-        return np.zeros(stereo.disparity.shape, np.bool_)
-    if learned:
-        planes = outline_planes(terrain, stereo.noise_px, standing, stereo.pair[0], config)
-        rocks = np.zeros(stereo.disparity.shape, np.bool_)
-        window = around(planes[PLANES.index('standing part')] > 0, OUTLINE_MARGIN)
-        probability = outline_model().probability(planes[(slice(None), *window)])
-        rocks[window] = probability > config.outline_probability
-        rocks |= denied_parts(rocks, terrain, standing, config)
-    else:
-        rocks = half_height_outlines(terrain, standing)
-    height_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
-    rocks |= high_holes(rocks, height_m, HOLE_SHARE * config.max_step)
-    # Matching blocks flatten the tops of what is not much larger than they are.
-    step_px = terrain.pixels_per_metre * np.float32(config.max_step)
-    seen_share = np.clip(step_px / FULL_STEP_PX, LEAST_SEEN_SHARE, 1)
-    core_m = np.maximum(
-        config.core_share * seen_share * config.max_step, config.core_noises * terrain.noise_m
-    )
-    core = rocks & (height_m > core_m)
-    count, labels = cv2.connectedComponents(rocks.astype(np.uint8), connectivity=8)
-    inside = labels[terrain.measured]
-    foot_m = min(FOOT_M, FOOT_SHARE * config.max_step)
-    # Most of what was measured of an obstacle has to stand up: a core may touch a false outline.
-    measured = np.bincount(inside, minlength=count)
-    stands = np.bincount(labels[terrain.measured & (height_m > foot_m)], minlength=count)
-    cores = np.bincount(labels[core], minlength=count)
-    kept = (cores >= MIN_CORE_PIXELS) & (stands >= STANDING_SHARE * measured)
-    kept[0] = False
-    return np.asarray(kept[labels])
-
-
-def denied_parts(
-    rocks: NDArray[np.bool_], terrain: Terrain, standing: Standing, config: DetectorConfig
-) -> NDArray[np.bool_]:
-    """Find what stands so high over step and noise that the filter may not deny it.
-
-    The filter has seen rocks, not the legs of a lander: what is upright. What is wider than high
-    and not drawn is mostly ground that was taken for too low.
-    """
-    limit_m = CERTAIN_SHARE * config.max_step
-    quiet = terrain.noise_m < CERTAIN_NOISE_SHARE * config.max_step
-    high = terrain.measured & quiet & (terrain.height_m > limit_m)
-    count = len(standing.top_m)
-    pixels = np.bincount(standing.parts[high], minlength=count)
-    drawn = np.bincount(standing.parts[high & rocks], minlength=count)
-    certain = (pixels >= CERTAIN_PIXELS) & (drawn < DRAWN_SHARE * pixels)
-    certain[0] = False
-    return upright_parts(certain[standing.parts] & half_height_outlines(terrain, standing))
-
-
-def upright_parts(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Keep the connected parts that are clearly higher than wide in the image."""
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    upright = boxes[:, cv2.CC_STAT_HEIGHT] >= UPRIGHT_RATIO * boxes[:, cv2.CC_STAT_WIDTH]
-    upright[0] = False
-    return np.asarray(upright[labels])
-
-
-def around(where: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
-    """Give the window of the image that holds all such pixels and a margin."""
-    rows, columns = np.flatnonzero(where.any(1)), np.flatnonzero(where.any(0))
-    return (
-        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
-        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
-    )
-
-
-def half_height_outlines(terrain: Terrain, standing: Standing) -> NDArray[np.bool_]:
-    """Cut off what is under half as high as what stands just below it in the image.
-
-    Above and beside a rock, where disparity blurs, height falls over a few pixels to that of the
-    ground far behind; at its foot it does so for good reason.
-    """
-    height_m = np.nan_to_num(terrain.height_m, nan=0.0)
-    kernel = np.zeros((11, 11), np.uint8)
-    kernel[5:] = 1
-    beside_m = cv2.dilate(height_m, kernel)
-    return np.asarray((standing.parts > 0) & (height_m > 0.5 * beside_m))
+    return cues, np.where(obstacle, OBSTACLE, FREE).astype(np.uint8)
 
 
 def segment(stereo: Stereo, terrain: Terrain, config: DetectorConfig) -> Segments:
@@ -303,17 +200,22 @@ def complete_by_regions(
     A pixel without 3D in a seed region goes with the nearest measured pixel, if that is of the
     same region. A region without 3D, though the right eye sees it, is judged by its grey level.
     """
-    matched = stereo.disparity > 0
-    nearest = nearest_values(
-        terrain.measured, rocks, segments.regions, OPENING_M / 2 * terrain.pixels_per_metre
-    )
-    dark = dark_regions(stereo.pair[0], segments.regions, segments.is_seed, config.dark_grey_level)
-    column = np.arange(matched.shape[1], dtype=np.float32)[np.newaxis]
-    right_column = column - stereo.expected - np.float32(camera.disparity_offset)
-    shared_view = (right_column >= 0) & (right_column <= camera.width - 1)
-    shared_view &= stereo.expected > camera.disparity_at(config.max_range)
-    near_rock = nearest & segments.is_seed[segments.regions] & ~matched
-    return near_rock, dark[segments.regions] & shared_view & ~matched
+    unmatched = stereo.disparity == 0
+    near_rock, dark = np.zeros_like(rocks), np.zeros_like(rocks)
+    if not unmatched.any():
+        return near_rock, dark
+    regions, is_seed = segments.regions, segments.is_seed
+    reach_px = OPENING_M / 2 * terrain.pixels_per_metre
+    nearest = nearest_values(terrain.measured, rocks, regions, reach_px)
+    near_rock[unmatched] = nearest[unmatched] & is_seed[regions[unmatched]]
+    is_dark = dark_regions(stereo.pair[0], regions, is_seed, config.dark_grey_level)
+    if is_dark.any():
+        expected = stereo.expected[unmatched]
+        right_column = np.nonzero(unmatched)[1] - expected - camera.disparity_offset
+        shared_view = (right_column >= 0) & (right_column <= camera.width - 1)
+        shared_view &= expected > camera.disparity_at(config.max_range)
+        dark[unmatched] = is_dark[regions[unmatched]] & shared_view
+    return near_rock, dark
 
 
 def _detection(

@@ -52,8 +52,8 @@ def exposed(grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
         True everywhere where that would leave too little.
     """
     size = (_WINDOW, _WINDOW)
-    low, high = cv2.blur(grey, size) > _BLACK, cv2.blur(grey, size) < _WHITE
-    inside = low & high
+    mean = cv2.blur(grey, size)
+    inside = (mean > _BLACK) & (mean < _WHITE)
     return np.asarray(inside if inside.mean() > _MIN_SHARE else np.ones_like(inside))
 
 
@@ -76,5 +76,5 @@ def smoothed_against_noise(pair: GreyPair, share: float) -> GreyPair:
 def _spread(values: cv2.typing.MatLike, where: NDArray[np.bool_]) -> float:
     """Estimate the standard deviation by the median of the absolute values."""
     thin = max(1, math.isqrt(where.size // _SAMPLES))
-    sample = np.abs(np.asarray(values))[::thin, ::thin][where[::thin, ::thin]]
-    return 1.4826 * float(np.median(sample)) if sample.size else 0.0
+    sample = np.asarray(values)[::thin, ::thin][where[::thin, ::thin]]
+    return 1.4826 * float(np.median(np.abs(sample))) if sample.size else 0.0

@@ -40,38 +40,3 @@ def untextured(grey: NDArray[np.uint8], size: int, min_difference: float) -> NDA
     # Sums stay whole numbers, where a mean of bytes would be rounded.
     total = cv2.boxFilter(difference, cv2.CV_16U, (size, size), normalize=False)
     return np.asarray(total < min_difference * size * size)
-
-
-def guided_filter(
-    guide: NDArray[np.uint8], values: NDArray[np.float32], radius: int, min_contrast: float
-) -> NDArray[np.float32]:
-    """Smooth ``values`` along the outlines of ``guide``.
-
-    Parameters
-    ----------
-    guide : ndarray of uint8, shape (height, width)
-    values : ndarray of float32, shape (height, width)
-    radius : int
-        Half the side of the window, pixels.
-    min_contrast : float
-        Standard deviation of the guide within a window above which it counts as an outline.
-
-    Returns
-    -------
-    ndarray of float32, shape (height, width)
-
-    Notes
-    -----
-    He, Sun and Tang, Guided Image Filtering, 2013.
-    """
-    image = guide.astype(np.float32)
-
-    def mean(array: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.asarray(cv2.blur(array, (2 * radius + 1, 2 * radius + 1)), np.float32)
-
-    mean_image, mean_values = mean(image), mean(values)
-    covariance = mean(image * values) - mean_image * mean_values
-    variance = mean(image * image) - mean_image * mean_image
-    gain = np.asarray(covariance / (variance + np.float32(min_contrast**2)), np.float32)
-    offset = mean_values - gain * mean_image
-    return mean(gain) * image + mean(offset)

@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.ground_matching import Stereo
 from rover_obstacle_detection.detection.hazards import Standing
-from rover_obstacle_detection.detection.outline import texture_level
+from rover_obstacle_detection.detection.parallax import parallax_evidence
 from rover_obstacle_detection.detection.survey import Terrain
 
 Image = NDArray[np.float32]
@@ -23,35 +25,39 @@ PLANES = (
     'grey level against the ground',
     'standing part',
     'top of the part over the step',
+    'parallax evidence',
 )
 """Names of the planes, in order."""
 
+EVERYWHERE = (slice(None), slice(None))
 _GROUND_WINDOW = 61
 _TOP_REACH = 15
 _UNKNOWN_NOISE_STEPS = 3.0
 
 
 def outline_planes(
+    stereo: Stereo,
     terrain: Terrain,
-    noise_px: Image,
     standing: Standing,
-    grey: NDArray[np.uint8],
+    camera: StereoCamera,
     config: DetectorConfig,
+    window: tuple[slice, slice] = EVERYWHERE,
 ) -> Image:
     """Bring what 3D and the image say of each pixel to one scale.
 
     Parameters
     ----------
+    stereo : Stereo
     terrain : Terrain
-    noise_px : ndarray of float32, shape (height, width)
-        Standard deviation of the disparity, pixels.
     standing : Standing
-    grey : ndarray of uint8, shape (height, width)
+    camera : StereoCamera
     config : DetectorConfig
+    window : tuple of two slices
+        Rows and columns to look at.
 
     Returns
     -------
-    ndarray of float32, shape (planes, height, width)
+    ndarray of float32, shape (planes, rows, columns)
         In the order of `PLANES`: lengths over the rover's step, grey levels over the image's own
         texture, so that neither the size of the rover nor the light matters.
 
@@ -60,14 +66,16 @@ def outline_planes(
     Where there is no 3D, the values are those of the nearest measured pixels on the row: the lower
     one of both sides, for what a rock hides from the right eye lies behind it.
     """
-    measured = terrain.measured
+    measured = terrain.measured[window]
+    parts = standing.parts[window]
     step_m = np.float32(config.max_step)
-    on_part = (standing.parts > 0).astype(np.float32)
-    top_m = standing.top_m[standing.parts]
-    height_m = np.nan_to_num(terrain.height_m, nan=0.0)
-    noise_m = np.minimum(terrain.noise_m, np.float32(_UNKNOWN_NOISE_STEPS * config.max_step))
-    step_px = terrain.pixels_per_metre * step_m
-    noise_px = noise_px.copy()
+    on_part = (parts > 0).astype(np.float32)
+    top_m = standing.top_m[parts]
+    height_m = np.nan_to_num(terrain.height_m[window], nan=0.0)
+    most_noise_m = np.float32(_UNKNOWN_NOISE_STEPS * config.max_step)
+    noise_m = np.minimum(terrain.noise_m[window], most_noise_m)
+    step_px = terrain.pixels_per_metre[window] * step_m
+    noise_px = stereo.noise_px[window].copy()
     rows, columns = np.nonzero(~measured)
     left, right = measured_neighbours(measured, rows, columns)
     source = np.where(height_m[rows, left] > height_m[rows, right], right, left)
@@ -75,6 +83,7 @@ def outline_planes(
     for values in (height_m, noise_m, step_px, noise_px, on_part_around, top_m):
         values[rows, columns] = values[rows, source]
     kernel = np.ones((_TOP_REACH, _TOP_REACH), np.uint8)
+    evidence = parallax_evidence(stereo, terrain, camera, window)
     planes = np.empty((len(PLANES), *measured.shape), np.float32)
     for plane, values in zip(
         planes,
@@ -85,9 +94,10 @@ def outline_planes(
             np.minimum(noise_m / step_m, 2),
             noise_px * 5,
             np.log(np.clip(step_px, 0.5, 500)) / 3,
-            grey_against_ground(grey, on_part),
+            grey_against_ground(stereo.pair[0][window], on_part, stereo.texture),
             on_part_around,
             np.clip(cv2.dilate(top_m, kernel) / step_m, 0, 5),
+            np.clip(np.copysign(np.sqrt(np.abs(evidence)), evidence), -6, 6) / 2,
         ),
         strict=True,
     ):
@@ -124,7 +134,7 @@ def measured_neighbours(
     return left, right
 
 
-def grey_against_ground(grey: NDArray[np.uint8], on_part: Image) -> Image:
+def grey_against_ground(grey: NDArray[np.uint8], on_part: Image, texture: float) -> Image:
     """Compare each pixel with the mean of the ground around it, in units of the texture."""
     image = grey.astype(np.float32)
     ground = 1 - on_part
@@ -132,4 +142,4 @@ def grey_against_ground(grey: NDArray[np.uint8], on_part: Image) -> Image:
     share = cv2.blur(ground, size)
     mean = cv2.blur(image * ground, size) / np.maximum(share, np.float32(1e-3))
     difference = np.where(share > 0.02, image - mean, 0)
-    return np.asarray(np.clip(difference / (4 * texture_level(grey)), -3, 3), np.float32)
+    return np.asarray(np.clip(difference / np.float32(4 * texture), -3, 3), np.float32)

@@ -66,16 +66,18 @@ def nearest_values(
     ndarray of bool, shape (height, width)
         The value of the nearest known pixel; False where that lies in another region or too far.
     """
-    if not (known & values).any():
-        return np.zeros_like(values)
-    distance, sources = cv2.distanceTransformWithLabels(
+    found = known & values
+    unknown = np.flatnonzero(~known)
+    if not found.any() or not unknown.size:
+        return found
+    distance, labels = cv2.distanceTransformWithLabels(
         (~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    value_of = np.zeros(int(sources.max()) + 1, np.bool_)
-    region_of = np.zeros(value_of.size, np.int32)
-    value_of[sources[known]] = values[known]
-    region_of[sources[known]] = regions[known]
-    reach_of = np.zeros(value_of.size, np.float32)
-    reach_of[sources[known]] = reach_px[known]
-    within = distance <= reach_of[sources]
-    return np.asarray(value_of[sources] & within & (region_of[sources] == regions))
+    # Labels number the known pixels from 1, row by row.
+    source = np.flatnonzero(known)[labels.ravel()[unknown] - 1]
+    found.ravel()[unknown] = (
+        values.ravel()[source]
+        & (distance.ravel()[unknown] <= reach_px.ravel()[source])
+        & (regions.ravel()[source] == regions.ravel()[unknown])
+    )
+    return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +18,32 @@ _MOST_PX = 0.6
 _FLOOR_PX = 0.05
 
 
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Disparity to a fraction of a pixel.
+
+    Parameters
+    ----------
+    disparity : ndarray of float32, shape (height, width)
+        Within 0.6 px of what was given; 0 where that was 0.
+    noise_px : ndarray of float32, shape (height, width)
+        Its standard deviation, pixels.
+    grey_noise : float
+        Standard deviation of the grey level between both images where they match.
+    """
+
+    disparity: NDArray[np.float32]
+    noise_px: NDArray[np.float32]
+    grey_noise: float
+
+
 def refine_disparity(
     left: NDArray[np.uint8],
     right: NDArray[np.uint8],
     disparity: NDArray[np.float32],
     camera: StereoCamera,
     alignment: RowAlignment,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> Refined:
     """Take out the pull of semi-global matching towards whole pixels.
 
     Parameters
@@ -35,10 +56,7 @@ def refine_disparity(
 
     Returns
     -------
-    disparity : ndarray of float32, shape (height, width)
-        Within 0.6 px of what was given; 0 where that was 0.
-    noise_px : ndarray of float32, shape (height, width)
-        Its standard deviation, pixels.
+    Refined
 
     Notes
     -----
@@ -62,20 +80,20 @@ def refine_disparity(
     mean_difference, mean_gradient = _mean(difference) / share, _mean(gradient) / share
     curvature = _mean(gradient * gradient) / share - mean_gradient * mean_gradient
     pull = _mean(difference * gradient) / share - mean_difference * mean_gradient
-    damping = _damping(np.asarray(difference - mean_difference, np.float32), known)
+    grey_noise = _spread(np.asarray(difference - mean_difference, np.float32), known)
+    # Grey-level noise over the prior's: what the curvature must exceed to be believed. Neighbours
+    # share their noise through smoothing: half of the pixels count.
+    damping = np.float32(max(grey_noise, 0.5) ** 2 / (_WINDOW * _WINDOW / 2 * _PRIOR_PX**2))
     step = np.clip(pull / (curvature + damping), -_MOST_PX, _MOST_PX)
     refined = np.where(known, np.maximum(disparity - step, np.float32(1e-3)), 0).astype(np.float32)
     noise = np.float32(_UNTEXTURED_PX) * np.sqrt(damping / (np.maximum(curvature, 0) + damping))
-    return refined, np.hypot(noise, np.float32(_FLOOR_PX))
+    return Refined(refined, np.hypot(noise, np.float32(_FLOOR_PX)), grey_noise)
 
 
-def _damping(difference: NDArray[np.float32], known: NDArray[np.bool_]) -> np.float32:
-    """Grey-level noise over the prior's: what the curvature must exceed to be believed."""
+def _spread(difference: NDArray[np.float32], known: NDArray[np.bool_]) -> float:
+    """Robust standard deviation where known, from a ninth of the pixels."""
     sample = difference[::3, ::3][known[::3, ::3]]
-    spread = 1.4826 * float(np.median(np.abs(sample))) if sample.size else 1.0
-    # Neighbours share their noise through smoothing: half of the pixels count.
-    count = _WINDOW * _WINDOW / 2
-    return np.float32(max(spread, 0.5) ** 2 / (count * _PRIOR_PX**2))
+    return 1.4826 * float(np.median(np.abs(sample))) if sample.size else 1.0
 
 
 def _mean(image: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -130,6 +130,43 @@ def survey(
     square, so one cell size cannot serve a near and a far rock: each layer's cells are twice as
     wide as those of the one before.
     """
+    points, noise_m = _points(disparity, noise_px, expected, camera, ground, config)
+    height_m = np.full_like(disparity, np.nan)
+    layers = []
+    nearest_m = -math.inf
+    spans = list(layer_spans(camera, ground.height_m, config))
+    for cell_m, farthest_m in spans if layered else [(spans[0][0], math.inf)]:
+        layer = _map_layer(points, cell_m, (nearest_m, farthest_m), config)
+        nearest_m = farthest_m
+        if layer is None:
+            continue
+        above_m = points.over_plane_m[layer.rows] - sample_map(layer.ground_m, layer.positions)
+        np.copyto(height_m[layer.rows], above_m, where=layer.pixels)
+        layers.append(layer)
+    pixels_per_metre = disparity / np.float32(camera.baseline_m)
+    return Terrain(height_m, noise_m, pixels_per_metre, tuple(layers))
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """The points in range, by pixel: where over the plane they are, and how far to be trusted."""
+
+    in_range: NDArray[np.bool_]
+    over_plane_m: Image
+    across_m: Image
+    along_m: Image
+    trust: Image
+
+
+def _points(
+    disparity: Image,
+    noise_px: Image,
+    expected: Image,
+    camera: StereoCamera,
+    ground: GroundPlane,
+    config: DetectorConfig,
+) -> tuple[_Points, Image]:
+    """Bring every pixel over the plane; with it comes the noise of its height, metres."""
     in_range = disparity > camera.disparity_at(config.max_range)
     over_plane_m = np.zeros_like(disparity)
     np.divide(
@@ -147,35 +184,34 @@ def survey(
     ground_like = in_range & (over_plane_m <= rise * along_m + config.max_step)
     relief = np.float32(WITHIN_CELL_M**2)
     trust = np.where(ground_like, relief / (relief + noise_m * noise_m), 0).astype(np.float32)
-    height_m = np.full_like(disparity, np.nan)
-    layers = []
-    nearest_m = -math.inf
-    spans = list(layer_spans(camera, ground.height_m, config))
-    for cell_m, farthest_m in spans if layered else [(spans[0][0], math.inf)]:
-        usable = in_range & (along_m <= farthest_m * _OVERLAP + _OVERLAP_M)
-        usable &= along_m >= nearest_m / _OVERLAP - _OVERLAP_M
-        rows = rows_with(usable)
-        usable = usable[rows]
-        pixels = usable & (along_m[rows] > nearest_m) & (along_m[rows] <= farthest_m)
-        nearest_m = farthest_m
-        if not pixels.any():
-            continue
-        positions = map_positions(across_m[rows], along_m[rows], usable, cell_m)
-        mean_m, weight = cell_means(over_plane_m[rows], trust[rows] * usable, positions)
-        ground_m = local_ground(
-            mean_m,
-            weight,
-            cell_m,
-            opening_m=max(OPENING_M, 3 * cell_m),
-            trend_m=max(TREND_M, 2.5 * cell_m),
-            smoothing_m=max(SMOOTHING_M, 1.2 * cell_m),
-            tolerance_m=GROUND_SHARE * config.max_step,
-        )
-        above_m = over_plane_m[rows] - sample_map(ground_m, positions)
-        np.copyto(height_m[rows], above_m, where=pixels)
-        layers.append(Layer(rows, positions, ground_m, weight > 0, pixels))
-    pixels_per_metre = disparity / np.float32(camera.baseline_m)
-    return Terrain(height_m, noise_m, pixels_per_metre, tuple(layers))
+    return _Points(in_range, over_plane_m, across_m, along_m, trust), noise_m
+
+
+def _map_layer(
+    points: _Points, cell_m: float, span_m: tuple[float, float], config: DetectorConfig
+) -> Layer | None:
+    """Map the ground between two distances; None where no pixel lies there."""
+    nearest_m, farthest_m = span_m
+    usable = points.in_range & (points.along_m <= farthest_m * _OVERLAP + _OVERLAP_M)
+    usable &= points.along_m >= nearest_m / _OVERLAP - _OVERLAP_M
+    rows = rows_with(usable)
+    usable, along_m = usable[rows], points.along_m[rows]
+    pixels = usable & (along_m > nearest_m) & (along_m <= farthest_m)
+    if not pixels.any():
+        return None
+    positions = map_positions(points.across_m[rows], along_m, usable, cell_m)
+    trust = points.trust[rows] * usable
+    mean_m, weight = cell_means(points.over_plane_m[rows], trust, positions)
+    ground_m = local_ground(
+        mean_m,
+        weight,
+        cell_m,
+        opening_m=max(OPENING_M, 3 * cell_m),
+        trend_m=max(TREND_M, 2.5 * cell_m),
+        smoothing_m=max(SMOOTHING_M, 1.2 * cell_m),
+        tolerance_m=GROUND_SHARE * config.max_step,
+    )
+    return Layer(rows, positions, ground_m, weight > 0, pixels)
 
 
 def rows_with(pixels: NDArray[np.bool_]) -> slice:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,13 @@ _RANGE_M = 12.0
 _ITERATIONS = 5
 _RELIEF_M = 0.03
 _NEARNESS = 2.0
-_HINGES = 14
+_FIRST = 0.02
+_HINGES = 13
+_TURNS = tuple(math.radians(turn) for turn in (-30, -15, 0, 15, 30))
+_SEARCH_THINNING = 4
 _BEND_WIDTHS_M = (0.05, 0.15, 0.3)
 _MIN_BEND_DEG = 6.0
-_MAX_COST_SHARE = 0.8
+_MAX_COST_SHARE = 0.5
 _LEVEL_SHARE = 0.5
 
 Cells = NDArray[np.float64]
@@ -44,34 +48,55 @@ def estimate_vertical(layers: Sequence[Layer], ground: GroundPlane) -> tuple[flo
     -----
     Undulation tilts a small patch of ground more than a large one, so all that is seen within
     12 m is fitted, by its share of the view from above and the nearer the more. But a slope ahead
-    is no part of what the rover stands on: where a plane with a bend across the view fits much
-    better, its near side counts, together with a plane through the nearer half of what lies before
-    the bend, for a bend of ground is no edge: its rise grows over up to 0.3 m on either side
-    (softplus). All fits are iteratively reweighted least squares with Cauchy weights.
+    is no part of what the rover stands on: where a plane with a bend more or less across the view
+    fits much better, its near side counts, together with a plane through the nearer half of what
+    lies before the bend, for a bend of ground is no edge: its rise grows over up to 0.3 m on
+    either side (softplus). All fits are iteratively reweighted least squares with Cauchy weights.
     """
     cells = _cells(layers)
     if len(cells) < 20:
         return ground.up
     flat, flat_cost = _fit(cells, None, 1.0)
-    first, last = np.quantile(cells[:, 1], (0.02, 0.98))
-    bent, cost, hinge_m = min(
-        (
-            (*_fit(cells, float(hinge_m), width_m), float(hinge_m))
-            for hinge_m in np.geomspace(1.3 * first, 0.75 * last, _HINGES)
-            for width_m in _BEND_WIDTHS_M
-        ),
-        key=lambda each: each[1],
-    )
     rises = flat[1:3]
+    turn, hinge_m, width_m = _best_bend(cells[::_SEARCH_THINNING])
+    turned = _turned(cells, turn)
+    bent, cost = _fit(turned, hinge_m, width_m)
     if cost < _MAX_COST_SHARE * flat_cost and abs(_bend_deg(bent)) > _MIN_BEND_DEG:
-        rises = bent[1:3]
-        level = cells[cells[:, 1] < first + _LEVEL_SHARE * (hinge_m - first)]
+        before = bent[1:3]
+        first = np.quantile(turned[:, 1], _FIRST)
+        level = turned[turned[:, 1] < first + _LEVEL_SHARE * (hinge_m - first)]
         if len(level) >= 20:
-            rises = np.array([bent[1], (bent[2] + _fit(level, None, 1.0)[0][2]) / 2])
+            before[1] = (before[1] + _fit(level, None, 1.0)[0][2]) / 2
+        rises = before @ _rotation(turn)
     right, forward = ground_axes(ground)
     normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
     x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
     return x, y, z
+
+
+def _best_bend(cells: Cells) -> tuple[float, float, float]:
+    """Turn to the right (radians), distance and width (m) of the bend that fits best."""
+
+    def cost(bend: tuple[float, float, float]) -> float:
+        turn, hinge_m, width_m = bend
+        return _fit(_turned(cells, turn), hinge_m, width_m)[1]
+
+    first, last = np.quantile(cells[:, 1], (_FIRST, 1 - _FIRST))
+    hinges_m = np.geomspace(1.3 * first, 0.75 * last, _HINGES)
+    turn, hinge_m, _ = min(product(_TURNS, hinges_m[::2], _BEND_WIDTHS_M[1:2]), key=cost)
+    near = np.abs(np.log(hinges_m / hinge_m)) < 1.5 * np.log(hinges_m[1] / hinges_m[0])
+    return min(product((turn,), hinges_m[near], _BEND_WIDTHS_M), key=cost)
+
+
+def _rotation(turn: float) -> NDArray[np.float64]:
+    """From right and forward to across and along a direction turned to the right."""
+    return np.array(
+        [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]], np.float64
+    )
+
+
+def _turned(cells: Cells, turn: float) -> Cells:
+    return np.column_stack((cells[:, :2] @ _rotation(turn).T, cells[:, 2:]))
 
 
 def _cells(layers: Sequence[Layer]) -> Cells:

@@ -94,8 +94,10 @@ def residual_range(coarse: CoarseDisparity, plane: DisparityPlane) -> tuple[int,
     plane : DisparityPlane
         In coarse pixels.
     """
-    expected = np.maximum(plane.disparity(coarse.camera), 0)
-    residual = (coarse.disparity - expected)[coarse.disparity > 0]
+    expected = plane.disparity(coarse.camera)
+    # What stands out over the horizon stands below it too; in a bare sky all matches are false.
+    below_horizon = (coarse.disparity > 0) & (expected > 0)
+    residual = (coarse.disparity - expected)[below_horizon]
     if not residual.size:
         return -8, 16
     # Matched at x - r, where a plane that tilts has less: it takes more to come to the residual.

@@ -1,0 +1,241 @@
+"""What stands in the way: the outlines of rocks, and which of them are too high."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.clearance import high_holes
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.ground_matching import Stereo
+from rover_obstacle_detection.detection.hazards import (
+    FOOT_M,
+    FOOT_SHARE,
+    MIN_CORE_PIXELS,
+    Standing,
+)
+from rover_obstacle_detection.detection.outline_model import outline_model
+from rover_obstacle_detection.detection.outline_planes import PLANES, outline_planes
+from rover_obstacle_detection.detection.survey import Terrain
+
+# The filter halves the resolution three times, and sees little that is farther than three blocks.
+BLOCK = 8
+MARGIN_BLOCKS = 3
+HOLE_SHARE = 0.5
+STANDING_SHARE = 0.3
+FULL_STEP_PX = 20.0
+LEAST_SEEN_SHARE = 0.7
+# Stereo's height is worse with the square of the distance, the size in the image only with it.
+APPARENT_STEP_PX = 10.0
+APPARENT_PROBABILITY = 0.7
+APPARENT_MEASURED_SHARE = 0.5
+CERTAIN_SHARE = 1.5
+CERTAIN_NOISE_SHARE = 0.15
+CERTAIN_PIXELS = 40
+DRAWN_SHARE = 0.3
+UPRIGHT_RATIO = 1.5
+
+
+def outlined_rocks(
+    stereo: Stereo,
+    terrain: Terrain,
+    standing: Standing,
+    camera: StereoCamera,
+    config: DetectorConfig,
+    leave_out: frozenset[str] = frozenset(),
+) -> NDArray[np.bool_]:
+    """Draw the outlines of what stands higher above the local ground than the rover can step.
+
+    Parameters
+    ----------
+    stereo : Stereo
+    terrain : Terrain
+    standing : Standing
+    camera : StereoCamera
+    config : DetectorConfig
+    leave_out : frozenset of str
+        Without ``outlines`` a threshold at half the height beside draws them; without ``parallax``
+        the filter does not see that evidence; without ``apparent size`` only stereo counts.
+
+    Notes
+    -----
+    Disparity blurs outlines by the size of its blocks, and the foot of a rock is as high as the
+    ground. The filter sees height, noise and grey level together. What it draws is an
+    obstacle only if it is high enough (`high_enough`), and what stands far over step and noise is
+    one whatever the filter says.
+    """
+    rocks = np.zeros(stereo.disparity.shape, np.bool_)
+    if not standing.top_m.any():
+        return rocks
+    for window in windows_around(standing.parts > 0):
+        rocks[window] |= _rocks_within(
+            window, stereo, terrain, standing, camera, config, leave_out
+        )
+    return rocks
+
+
+def _rocks_within(
+    window: tuple[slice, slice],
+    stereo: Stereo,
+    terrain: Terrain,
+    standing: Standing,
+    camera: StereoCamera,
+    config: DetectorConfig,
+    leave_out: frozenset[str],
+) -> NDArray[np.bool_]:
+    near, parts = terrain.within(window), Standing(standing.parts[window], standing.top_m)
+    if 'outlines' not in leave_out:
+        planes = outline_planes(stereo, terrain, standing, camera, config, window)
+        if 'parallax' in leave_out:
+            planes[PLANES.index('parallax evidence')] = 0
+        probability = outline_model().probability(planes)
+        drawn = probability > config.outline_probability
+        drawn |= denied_parts(drawn, near, parts, config)
+    else:
+        drawn = half_height_outlines(near, parts)
+        probability = np.zeros(drawn.shape, np.float32)
+    height_m = np.asarray(cv2.blur(np.nan_to_num(near.height_m, nan=0.0), (3, 3)), np.float32)
+    drawn |= high_holes(drawn, height_m, HOLE_SHARE * config.max_step)
+    if 'apparent size' in leave_out:
+        probability = np.zeros_like(probability)
+    return high_enough(drawn, probability, height_m, near, config)
+
+
+def high_enough(
+    drawn: NDArray[np.bool_],
+    probability: NDArray[np.float32],
+    height_m: NDArray[np.float32],
+    terrain: Terrain,
+    config: DetectorConfig,
+) -> NDArray[np.bool_]:
+    """Keep the connected parts of a drawing that the rover cannot step over.
+
+    Parameters
+    ----------
+    drawn : ndarray of bool, shape (height, width)
+    probability : ndarray of float32, shape (height, width)
+        How likely each pixel is to be on something too high, by all that the filter sees.
+    height_m : ndarray of float32, shape (height, width)
+        Above the local ground, smoothed, metres.
+    terrain : Terrain
+    config : DetectorConfig
+
+    Notes
+    -----
+    A part is kept for its core, about as high as the step and over the noise, if most of it stands
+    up: a core may touch a false outline. Matching blocks flatten the tops of what is not much
+    larger than they are, so less is asked of what is far. Farther still, where the step is a few
+    pixels, its size in the image tells more than stereo: what surely looks like a rock, and as
+    large as the step at that distance, is one.
+    """
+    step_px = terrain.pixels_per_metre * np.float32(config.max_step)
+    seen_share = np.clip(step_px / FULL_STEP_PX, LEAST_SEEN_SHARE, 1)
+    core_m = np.maximum(
+        config.core_share * seen_share * config.max_step, config.core_noises * terrain.noise_m
+    )
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(
+        drawn.astype(np.uint8), connectivity=8
+    )
+    size = np.maximum(boxes[:, cv2.CC_STAT_AREA], 1)
+    inside = np.flatnonzero(drawn & terrain.measured)
+    numbers = labels.ravel()[inside]
+    measured = np.bincount(numbers, minlength=count)
+    heights_m = height_m.ravel()[inside]
+    foot_m = min(FOOT_M, FOOT_SHARE * config.max_step)
+    stands = np.bincount(numbers[heights_m > foot_m], minlength=count)
+    core = drawn & (height_m > core_m)
+    kept = np.bincount(labels[core], minlength=count) >= MIN_CORE_PIXELS
+    kept &= stands >= STANDING_SHARE * measured
+    total_px = np.bincount(numbers, weights=step_px.ravel()[inside], minlength=count)
+    steps_px = total_px / np.maximum(measured, 1)
+    likely = np.bincount(labels[drawn], weights=probability[drawn], minlength=count) / size
+    kept |= (
+        (steps_px < APPARENT_STEP_PX)
+        & (boxes[:, cv2.CC_STAT_HEIGHT] >= steps_px)
+        & (likely >= APPARENT_PROBABILITY)
+        & (measured >= APPARENT_MEASURED_SHARE * size)
+    )
+    kept[0] = False
+    return np.asarray(kept[labels])
+
+
+def denied_parts(
+    drawn: NDArray[np.bool_], terrain: Terrain, standing: Standing, config: DetectorConfig
+) -> NDArray[np.bool_]:
+    """Find what stands so high over step and noise that the filter may not deny it.
+
+    The filter has seen rocks, not the legs of a lander: what is upright. What is wider than high
+    and not drawn is mostly ground that was taken for too low.
+    """
+    limit_m = CERTAIN_SHARE * config.max_step
+    quiet = terrain.noise_m < CERTAIN_NOISE_SHARE * config.max_step
+    high = terrain.measured & quiet & (terrain.height_m > limit_m)
+    count = len(standing.top_m)
+    pixels = np.bincount(standing.parts[high], minlength=count)
+    found = np.bincount(standing.parts[high & drawn], minlength=count)
+    certain = (pixels >= CERTAIN_PIXELS) & (found < DRAWN_SHARE * pixels)
+    certain[0] = False
+    if not certain.any():
+        return np.zeros_like(drawn)
+    return upright_parts(certain[standing.parts] & half_height_outlines(terrain, standing))
+
+
+def upright_parts(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Keep the connected parts that are clearly higher than wide in the image."""
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    upright = boxes[:, cv2.CC_STAT_HEIGHT] >= UPRIGHT_RATIO * boxes[:, cv2.CC_STAT_WIDTH]
+    upright[0] = False
+    return np.asarray(upright[labels])
+
+
+def windows_around(where: NDArray[np.bool_]) -> list[tuple[slice, slice]]:
+    """Give windows of the image that hold all such pixels and what the filter sees around them.
+
+    Parameters
+    ----------
+    where : ndarray of bool, shape (height, width)
+
+    Returns
+    -------
+    list of tuple of two slices
+        Rows and columns: of each group of pixels, or one that holds them all if that is less.
+    """
+    height, width = where.shape
+    whole = cv2.copyMakeBorder(
+        where.astype(np.uint8), 0, -height % BLOCK, 0, -width % BLOCK, cv2.BORDER_CONSTANT
+    )
+    blocks = whole.reshape(whole.shape[0] // BLOCK, BLOCK, -1, BLOCK).max(axis=(1, 3))
+    kernel = np.ones((2 * MARGIN_BLOCKS + 1,) * 2, np.uint8)
+    boxes = _boxes(np.asarray(cv2.dilate(blocks, kernel), np.uint8))
+    if len(boxes) > 1:
+        (top, left), (bottom, right) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+        area = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1).sum()
+        if area >= (bottom - top) * (right - left):
+            boxes = np.array([[top, left, bottom, right]])
+    boxes = np.minimum(boxes * BLOCK, [height, width] * 2)
+    return [
+        (slice(int(top), int(bottom)), slice(int(left), int(right)))
+        for top, left, bottom, right in boxes
+    ]
+
+
+def _boxes(where: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """Top, left, bottom and right of the connected parts."""
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(where, connectivity=8)
+    left, top, width, height = boxes[1:, :4].T
+    return np.stack((top, left, top + height, left + width), axis=1)
+
+
+def half_height_outlines(terrain: Terrain, standing: Standing) -> NDArray[np.bool_]:
+    """Cut off what is under half as high as what stands just below it in the image.
+
+    Above and beside a rock, where disparity blurs, height falls over a few pixels to that of the
+    ground far behind; at its foot it does so for good reason.
+    """
+    height_m = np.nan_to_num(terrain.height_m, nan=0.0)
+    kernel = np.zeros((11, 11), np.uint8)
+    kernel[5:] = 1
+    beside_m = cv2.dilate(height_m, kernel)
+    return np.asarray((standing.parts > 0) & (height_m > 0.5 * beside_m))
