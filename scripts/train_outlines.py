@@ -53,6 +53,7 @@ STANDING = PLANES.index('standing part')
 MEASURED = PLANES.index('measured')
 SCALE = PLANES.index('scale')
 GREY = PLANES.index('grey level against the ground')
+EVIDENCE = PLANES.index('parallax evidence')
 
 
 class OutlineNet(nn.Module):
@@ -243,9 +244,24 @@ def crop(
     bumps = torch.from_numpy(generator.normal(0, 1, (1, 1, CROP // 16, CROP // 16)))
     bumps = functional.interpolate(bumps.float(), (CROP, CROP), mode='bilinear')
     planes[:, HEIGHT] += bumps[:, 0] * generator.uniform(0, 0.08)
+    if generator.random() < 0.15:
+        hide_a_side(planes, generator)
     if generator.random() < 0.5:
         planes, targets = planes.flip(-1), targets.flip(-1)
     return planes[0], targets[0, 0], targets[0, 1]
+
+
+def hide_a_side(planes: torch.Tensor, generator: np.random.Generator) -> None:
+    """Take the 3D from one side of a crop, as from the border that the right eye does not see."""
+    columns, rows = torch.arange(CROP)[None], torch.arange(CROP)[:, None]
+    border = generator.uniform(0.15, 0.85) * CROP
+    border = border + generator.uniform(-0.4, 0.4) * (rows - CROP / 2)
+    border = border.round().clamp(0, CROP - 1).long()
+    source = torch.maximum(columns, border).expand(CROP, CROP)
+    for number in range(len(PLANES)):
+        if number not in (MEASURED, EVIDENCE, GREY):
+            planes[0, number] = planes[0, number].gather(1, source)
+    planes[:, (MEASURED, EVIDENCE)] *= (columns >= border).float()
 
 
 def mean_iou(net: OutlineNet, examples: Sequence[Example]) -> float:

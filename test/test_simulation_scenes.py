@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import pytest
 
-from rover_obstacle_detection.errors import ConfigurationError, MissingExtraError
+from rover_obstacle_detection.errors import ConfigurationError, MissingExtraError, OutputError
 from rover_obstacle_detection.simulation import cache, renderer
 from rover_obstacle_detection.simulation.description import Scene, parameters_of
 from rover_obstacle_detection.simulation.presets import PRESETS, scene_of
@@ -152,6 +152,27 @@ def test_a_cached_bag_is_not_rendered_again(tmp_path, monkeypatch):
     assert first.name == 'one'
     assert cache.simulated_bag(scene_of('one', 2), tmp_path) != first
     assert [scene.seed for scene in rendered] == [1, 2]
+
+
+def test_two_that_render_the_same_scene_at_once_both_have_its_bag(tmp_path, monkeypatch):
+    scene = scene_of('one', 1)
+    others = tmp_path / cache.scene_key(scene) / 'one'
+
+    def write(path, scene, frames):
+        for each in (path, others):
+            each.mkdir(parents=True)
+            (each / 'metadata.yaml').write_text('whole')
+
+    monkeypatch.setattr(cache, 'write_labelled_bag', write)
+    assert cache.simulated_bag(scene, tmp_path) == others
+    assert (others / 'metadata.yaml').read_text() == 'whole'
+    assert list(others.parent.iterdir()) == [others]
+
+
+def test_a_cache_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(OutputError, match='cannot write into .*file'):
+        cache.simulated_bag(scene_of('one', 1), tmp_path / 'file')
 
 
 def test_the_cache_is_where_the_user_wants_it(tmp_path, monkeypatch):

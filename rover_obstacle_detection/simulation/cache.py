@@ -9,7 +9,9 @@ from collections.abc import Callable
 from functools import lru_cache
 from importlib import metadata, resources
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from rover_obstacle_detection.errors import OutputError
 from rover_obstacle_detection.simulation.bag import write_labelled_bag
 from rover_obstacle_detection.simulation.description import Scene
 from rover_obstacle_detection.simulation.frames import STEPS_PER_FRAME, render
@@ -52,8 +54,22 @@ def simulated_bag(
         If the bag cannot be written.
     """
     path = folder / scene_key(scene) / scene.name
-    if not path.exists():
-        render_bag(scene, path, on_progress)
+    if path.exists():
+        return path
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        msg = f'cannot write into {folder}: {error.strerror}'
+        raise OutputError(msg) from error
+    with TemporaryDirectory(prefix='.rendering-', dir=path.parent) as own:
+        rendered = Path(own) / scene.name
+        render_bag(scene, rendered, on_progress)
+        try:
+            rendered.rename(path)
+        except OSError:
+            # Another process was faster: the same scene always gives the same bag.
+            if not path.exists():
+                raise
     return path
 
 
