@@ -7,12 +7,13 @@ import pytest
 from synthetic import Box, Dome, Pit, Plane, iou, mast, pinhole, render
 
 import rover_obstacle_detection
+from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.cue import Cue
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.hybrid import OPTIONAL_STAGES
-from rover_obstacle_detection.errors import ConfigurationError, ImageError
+from rover_obstacle_detection.errors import CameraError, ConfigurationError, ImageError
 
 SCENE = mast(solids=(Box(0.35, 1.4, 0.25, 0.25, 0.22), Dome(-0.3, 1.0, 0.2)), solid_brightness=0.3)
 METHODS = ('hybrid', 'study')
@@ -302,6 +303,13 @@ def test_tiny_and_odd_sizes(method, width, height):
         assert product.dtype == dtype
     assert found.regions.min() >= 1
     assert (found.mask > 0).mean() < 0.3
+
+
+@pytest.mark.parametrize(('width', 'height'), [(1, 1), (15, 100), (100, 15)])
+def test_images_too_small_to_match_are_refused(width, height):
+    camera = StereoCamera(width, height, 60.0, 60.0, width / 2, height / 2, 0.1)
+    with pytest.raises(CameraError, match=rf'{width} x {height} pixels: expected at least 16'):
+        Detector(camera)
 
 
 @both_methods

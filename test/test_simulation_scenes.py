@@ -171,7 +171,7 @@ def test_two_that_render_the_same_scene_at_once_both_have_its_bag(tmp_path, monk
 
 def test_a_cache_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / 'file').write_text('')
-    with pytest.raises(OutputError, match='cannot write into .*file'):
+    with pytest.raises(OutputError, match=r'cannot write into .*file'):
         cache.simulated_bag(scene_of('one', 1), tmp_path / 'file')
 
 

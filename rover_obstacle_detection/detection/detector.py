@@ -15,9 +15,11 @@ from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.hybrid import OPTIONAL_STAGES, detect_hybrid
 from rover_obstacle_detection.detection.image import equalized, grey_pair
 from rover_obstacle_detection.detection.study import detect_as_study
-from rover_obstacle_detection.errors import ConfigurationError, ImageError
+from rover_obstacle_detection.errors import CameraError, ConfigurationError, ImageError
 
 OnStage = Callable[[str], None]
+
+MIN_SIDE_PX = 16
 
 
 class Detector:
@@ -34,6 +36,8 @@ class Detector:
 
     Raises
     ------
+    CameraError
+        If the images have fewer than 16 rows or columns.
     ConfigurationError
         If there is no such stage.
     ImageError
@@ -47,6 +51,12 @@ class Detector:
         rover_mask: NDArray[np.bool_] | None = None,
         leave_out: frozenset[str] = frozenset(),
     ) -> None:
+        if min(camera.shape) < MIN_SIDE_PX:
+            msg = (
+                f'images are {camera.width} x {camera.height} pixels: expected at least '
+                f'{MIN_SIDE_PX} x {MIN_SIDE_PX}'
+            )
+            raise CameraError(msg)
         self.camera = camera
         self.config = config or DetectorConfig()
         if rover_mask is not None and rover_mask.shape != camera.shape:
