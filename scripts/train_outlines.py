@@ -244,7 +244,7 @@ def crop(
     bumps = torch.from_numpy(generator.normal(0, 1, (1, 1, CROP // 16, CROP // 16)))
     bumps = functional.interpolate(bumps.float(), (CROP, CROP), mode='bilinear')
     planes[:, HEIGHT] += bumps[:, 0] * generator.uniform(0, 0.08)
-    if generator.random() < 0.15:
+    if generator.random() < 0.25:
         hide_a_side(planes, generator)
     if generator.random() < 0.5:
         planes, targets = planes.flip(-1), targets.flip(-1)

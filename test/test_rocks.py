@@ -11,7 +11,7 @@ from rover_obstacle_detection.detection.rocks import (
     BLOCK,
     MARGIN_BLOCKS,
     denied_parts,
-    high_enough,
+    too_high,
     upright_parts,
     windows_around,
 )
@@ -34,22 +34,30 @@ def terrain_of(height_m=0.0, noise_m=0.005, step_px=30.0, measured=True):
     )
 
 
-def kept(terrain, probability=0.6, drawn=ROCK):
+def kept(terrain, probability=0.6, drawn=ROCK, unmeasured=False):
+    """What is kept of a drawing, all or nothing: 'high', 'by sight' or ''."""
     mask = np.zeros(SHAPE, bool)
     mask[drawn] = True
-    height_m = np.nan_to_num(terrain.height_m)
-    found = high_enough(mask, np.full(SHAPE, probability, np.float32), height_m, terrain, CONFIG)
-    assert found.dtype == np.bool_
-    assert found.sum() in (0, mask.sum())
-    return bool(found.any())
+    found = too_high(
+        mask,
+        np.full(SHAPE, probability, np.float32),
+        terrain,
+        ~terrain.measured & unmeasured,
+        CONFIG,
+    )
+    for rocks in (found.high, found.by_sight):
+        assert rocks.dtype == np.bool_
+        assert rocks.sum() in (0, mask.sum())
+    assert not (found.high & found.by_sight).any()
+    return 'high' if found.high.any() else 'by sight' if found.by_sight.any() else ''
 
 
-@pytest.mark.parametrize(('height', 'expected'), [(0.05, False), (0.099, False), (0.105, True)])
+@pytest.mark.parametrize(('height', 'expected'), [(0.05, ''), (0.095, ''), (0.11, 'high')])
 def test_near_it_takes_the_whole_step(height, expected):
     assert kept(terrain_of(height), 0.99) == expected
 
 
-@pytest.mark.parametrize(('height', 'expected'), [(0.06, False), (0.08, True)])
+@pytest.mark.parametrize(('height', 'expected'), [(0.06, ''), (0.08, 'high')])
 def test_far_blocks_flatten_and_less_is_asked(height, expected):
     assert kept(terrain_of(height, step_px=12.0)) == expected
 
@@ -62,10 +70,10 @@ def test_height_must_be_over_the_noise():
 @pytest.mark.parametrize(
     ('step_px', 'probability', 'measured', 'expected'),
     [
-        (5.0, 0.9, True, True),
-        (5.0, 0.6, True, False),
-        (15.0, 0.9, True, False),
-        (5.0, 0.9, False, False),
+        (5.0, 0.9, True, 'high'),
+        (5.0, 0.6, True, ''),
+        (15.0, 0.9, True, ''),
+        (5.0, 0.9, False, ''),
     ],
     ids=['sure and far', 'unsure', 'near', 'no 3D'],
 )
@@ -80,9 +88,24 @@ def test_far_away_it_has_to_look_as_large_as_the_step():
     assert not kept(terrain, 0.9, drawn=np.s_[22:28, 30:50])
 
 
+@pytest.mark.parametrize(
+    ('step_px', 'probability', 'in_range', 'expected'),
+    [
+        (12.0, 0.9, True, 'by sight'),
+        (12.0, 0.6, True, ''),
+        (20.0, 0.9, True, ''),
+        (12.0, 0.9, False, ''),
+    ],
+    ids=['sure and large', 'unsure', 'small', 'out of range'],
+)
+def test_without_3d_looks_and_size_decide(step_px, probability, in_range, expected):
+    terrain = terrain_of(0.0, step_px=step_px, measured=False)
+    assert kept(terrain, probability, unmeasured=in_range) == expected
+
+
 def test_a_core_does_not_make_an_obstacle_of_what_lies_flat():
     terrain = terrain_of(0.0)
-    terrain.height_m[20:22, 30:50] = 0.3
+    terrain.height_m[20:23, 30:50] = 0.3
     assert not kept(terrain)
     terrain.height_m[20:27, 30:50] = 0.3
     assert kept(terrain)

@@ -47,7 +47,7 @@ OPTIONAL_STAGES = (
     'drop',
     'outlines',
     'parallax',
-    'apparent size',
+    'sight',
     'regions',
     'grey level',
 )
@@ -117,21 +117,21 @@ def detect_hybrid(
     finished('height')
     rocks = outlined_rocks(stereo, terrain, standing, camera, config, leave_out)
     finished('outlines')
-    rough = rough_ground(terrain, rocks | steep | dropped, config)
+    rough = rough_ground(terrain, rocks.high | steep | dropped, config)
     finished('roughness')
     segments = segment(stereo, terrain, config)
     finished('segmentation')
-    near_rock, dark = complete_by_regions(rocks, terrain, segments, stereo, camera, config)
+    near_rock, dark = complete_by_regions(rocks.high, terrain, segments, stereo, camera, config)
     near_rock &= 'regions' not in leave_out
     dark &= 'grey level' not in leave_out
     finished('regions')
     found = {
-        Cue.HEIGHT: rocks,
+        Cue.HEIGHT: rocks.high,
         Cue.SLOPE: steep,
         Cue.DROP: dropped,
         Cue.ROUGHNESS_STEP: rough,
         Cue.REGION: near_rock,
-        Cue.GREY_LEVEL: dark,
+        Cue.GREY_LEVEL: dark | rocks.by_sight,
     }
     cues, mask = combined(found, rover_mask)
     finished('mask')

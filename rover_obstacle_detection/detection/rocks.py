@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +30,30 @@ STANDING_SHARE = 0.3
 FULL_STEP_PX = 20.0
 LEAST_SEEN_SHARE = 0.7
 # Stereo's height is worse with the square of the distance, the size in the image only with it.
-APPARENT_STEP_PX = 10.0
-APPARENT_PROBABILITY = 0.7
-APPARENT_MEASURED_SHARE = 0.5
+SMALL_STEP_PX = 10.0
+SURE_PROBABILITY = 0.7
+UNMEASURED_PX = 9
 CERTAIN_SHARE = 1.5
 CERTAIN_NOISE_SHARE = 0.15
 CERTAIN_PIXELS = 40
 DRAWN_SHARE = 0.3
 UPRIGHT_RATIO = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Rocks:
+    """What the rover cannot step over.
+
+    Parameters
+    ----------
+    high : ndarray of bool, shape (height, width)
+        For its height, or far away its size.
+    by_sight : ndarray of bool, shape (height, width)
+        For its looks and its size in the image: there is no 3D.
+    """
+
+    high: NDArray[np.bool_]
+    by_sight: NDArray[np.bool_]
 
 
 def outlined_rocks(
@@ -45,7 +63,7 @@ def outlined_rocks(
     camera: StereoCamera,
     config: DetectorConfig,
     leave_out: frozenset[str] = frozenset(),
-) -> NDArray[np.bool_]:
+) -> Rocks:
     """Draw the outlines of what stands higher above the local ground than the rover can step.
 
     Parameters
@@ -57,59 +75,66 @@ def outlined_rocks(
     config : DetectorConfig
     leave_out : frozenset of str
         Without ``outlines`` a threshold at half the height beside draws them; without ``parallax``
-        the filter does not see that evidence; without ``apparent size`` only stereo counts.
+        the filter does not see that evidence; without ``sight`` only what stereo says counts.
 
     Notes
     -----
     Disparity blurs outlines by the size of its blocks, and the foot of a rock is as high as the
     ground. The filter sees height, noise and grey level together. What it draws is an
-    obstacle only if it is high enough (`high_enough`), and what stands far over step and noise is
-    one whatever the filter says.
+    obstacle only if it is too high for the rover (`too_high`), and what stands far over step and
+    noise is one whatever the filter says.
     """
-    rocks = np.zeros(stereo.disparity.shape, np.bool_)
-    if not standing.top_m.any():
-        return rocks
-    for window in windows_around(standing.parts > 0):
-        rocks[window] |= _rocks_within(
-            window, stereo, terrain, standing, camera, config, leave_out
-        )
-    return rocks
+    found = Rocks(*(np.zeros(stereo.disparity.shape, np.bool_) for _ in range(2)))
+    unmeasured = unmeasured_ground(stereo, terrain, camera, config)
+    kernel = np.ones((UNMEASURED_PX, UNMEASURED_PX), np.uint8)
+    wide = cv2.erode(unmeasured.astype(np.uint8), kernel) > 0
+    for window in windows_around((standing.parts > 0) | wide):
+        parts = Standing(standing.parts[window], standing.top_m)
+        near = _scaled(terrain.within(window), stereo.expected[window], unmeasured[window], camera)
+        if 'outlines' not in leave_out:
+            planes = outline_planes(stereo, terrain, standing, camera, config, window)
+            if 'parallax' in leave_out:
+                planes[PLANES.index('parallax evidence')] = 0
+            probability = outline_model().probability(planes)
+            drawn = probability > config.outline_probability
+            drawn |= denied_parts(drawn, near, parts, config)
+        else:
+            drawn = half_height_outlines(near, parts)
+            probability = np.zeros(drawn.shape, np.float32)
+        if 'sight' in leave_out:
+            probability = np.zeros_like(probability)
+        rocks = too_high(drawn, probability, near, unmeasured[window], config)
+        found.high[window] |= rocks.high
+        found.by_sight[window] |= rocks.by_sight
+    return found
 
 
-def _rocks_within(
-    window: tuple[slice, slice],
-    stereo: Stereo,
-    terrain: Terrain,
-    standing: Standing,
-    camera: StereoCamera,
-    config: DetectorConfig,
-    leave_out: frozenset[str],
+def unmeasured_ground(
+    stereo: Stereo, terrain: Terrain, camera: StereoCamera, config: DetectorConfig
 ) -> NDArray[np.bool_]:
-    near, parts = terrain.within(window), Standing(standing.parts[window], standing.top_m)
-    if 'outlines' not in leave_out:
-        planes = outline_planes(stereo, terrain, standing, camera, config, window)
-        if 'parallax' in leave_out:
-            planes[PLANES.index('parallax evidence')] = 0
-        probability = outline_model().probability(planes)
-        drawn = probability > config.outline_probability
-        drawn |= denied_parts(drawn, near, parts, config)
-    else:
-        drawn = half_height_outlines(near, parts)
-        probability = np.zeros(drawn.shape, np.float32)
-    height_m = np.asarray(cv2.blur(np.nan_to_num(near.height_m, nan=0.0), (3, 3)), np.float32)
-    drawn |= high_holes(drawn, height_m, HOLE_SHARE * config.max_step)
-    if 'apparent size' in leave_out:
-        probability = np.zeros_like(probability)
-    return high_enough(drawn, probability, height_m, near, config)
+    """Find the pixels without 3D at which the ground plane lies within range."""
+    return ~terrain.measured & (stereo.expected > camera.disparity_at(config.max_range))
 
 
-def high_enough(
+def _scaled(
+    terrain: Terrain,
+    expected: NDArray[np.float32],
+    unmeasured: NDArray[np.bool_],
+    camera: StereoCamera,
+) -> Terrain:
+    """Give what is not measured the scale of the ground plane."""
+    scale = terrain.pixels_per_metre.copy()
+    scale[unmeasured] = expected[unmeasured] / np.float32(camera.baseline_m)
+    return replace(terrain, pixels_per_metre=scale)
+
+
+def too_high(
     drawn: NDArray[np.bool_],
     probability: NDArray[np.float32],
-    height_m: NDArray[np.float32],
     terrain: Terrain,
+    unmeasured: NDArray[np.bool_],
     config: DetectorConfig,
-) -> NDArray[np.bool_]:
+) -> Rocks:
     """Keep the connected parts of a drawing that the rover cannot step over.
 
     Parameters
@@ -117,9 +142,10 @@ def high_enough(
     drawn : ndarray of bool, shape (height, width)
     probability : ndarray of float32, shape (height, width)
         How likely each pixel is to be on something too high, by all that the filter sees.
-    height_m : ndarray of float32, shape (height, width)
-        Above the local ground, smoothed, metres.
     terrain : Terrain
+        With the scale of the ground plane where there is no 3D.
+    unmeasured : ndarray of bool, shape (height, width)
+        Pixels without 3D at which the ground plane lies within range.
     config : DetectorConfig
 
     Notes
@@ -127,9 +153,11 @@ def high_enough(
     A part is kept for its core, about as high as the step and over the noise, if most of it stands
     up: a core may touch a false outline. Matching blocks flatten the tops of what is not much
     larger than they are, so less is asked of what is far. Farther still, where the step is a few
-    pixels, its size in the image tells more than stereo: what surely looks like a rock, and as
-    large as the step at that distance, is one.
+    pixels, its size in the image tells more than stereo, and where there is no 3D it is all there
+    is: what surely looks like a rock, and as large as the step at that distance, is one.
     """
+    smooth_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
+    drawn = drawn | high_holes(drawn, smooth_m, HOLE_SHARE * config.max_step)
     step_px = terrain.pixels_per_metre * np.float32(config.max_step)
     seen_share = np.clip(step_px / FULL_STEP_PX, LEAST_SEEN_SHARE, 1)
     core_m = np.maximum(
@@ -138,27 +166,24 @@ def high_enough(
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(
         drawn.astype(np.uint8), connectivity=8
     )
-    size = np.maximum(boxes[:, cv2.CC_STAT_AREA], 1)
-    inside = np.flatnonzero(drawn & terrain.measured)
-    numbers = labels.ravel()[inside]
-    measured = np.bincount(numbers, minlength=count)
-    heights_m = height_m.ravel()[inside]
+
+    def pixels(where: NDArray[np.bool_]) -> NDArray[np.int64]:
+        return np.bincount(labels[where], minlength=count)
+
+    measured, blind = pixels(drawn & terrain.measured), pixels(drawn & unmeasured)
     foot_m = min(FOOT_M, FOOT_SHARE * config.max_step)
-    stands = np.bincount(numbers[heights_m > foot_m], minlength=count)
-    core = drawn & (height_m > core_m)
-    kept = np.bincount(labels[core], minlength=count) >= MIN_CORE_PIXELS
-    kept &= stands >= STANDING_SHARE * measured
-    total_px = np.bincount(numbers, weights=step_px.ravel()[inside], minlength=count)
-    steps_px = total_px / np.maximum(measured, 1)
-    likely = np.bincount(labels[drawn], weights=probability[drawn], minlength=count) / size
-    kept |= (
-        (steps_px < APPARENT_STEP_PX)
-        & (boxes[:, cv2.CC_STAT_HEIGHT] >= steps_px)
-        & (likely >= APPARENT_PROBABILITY)
-        & (measured >= APPARENT_MEASURED_SHARE * size)
-    )
-    kept[0] = False
-    return np.asarray(kept[labels])
+    stands = pixels(drawn & terrain.measured & (smooth_m > foot_m))
+    high = pixels(drawn & (smooth_m > core_m)) >= MIN_CORE_PIXELS
+    high &= stands >= STANDING_SHARE * measured
+    size = np.maximum(boxes[:, cv2.CC_STAT_AREA], 1)
+    inside = labels[drawn]
+    steps_px = np.bincount(inside, weights=step_px[drawn], minlength=count) / size
+    likely = np.bincount(inside, weights=probability[drawn], minlength=count) / size
+    sure = (likely >= SURE_PROBABILITY) & (boxes[:, cv2.CC_STAT_HEIGHT] >= steps_px)
+    high |= sure & (steps_px < SMALL_STEP_PX) & (measured >= size / 2)
+    by_sight = sure & ~high & (blind > size / 2)
+    high[0] = by_sight[0] = False
+    return Rocks(high[labels], by_sight[labels])
 
 
 def denied_parts(
