@@ -50,6 +50,9 @@ RATE = 3e-3
 PLACES = 40
 HEIGHT = PLANES.index('height over the step')
 STANDING = PLANES.index('standing part')
+HEIGHT_OVER_NOISE = PLANES.index('height over its noise')
+HEIGHT_NOISE = PLANES.index('noise over the step')
+DISPARITY_NOISE = PLANES.index('disparity noise')
 MEASURED = PLANES.index('measured')
 SCALE = PLANES.index('scale')
 GREY = PLANES.index('grey level against the ground')
@@ -182,7 +185,7 @@ def train(net: OutlineNet, examples: Sequence[Example], steps: int) -> OutlineNe
     """
     mean = AveragedModel(net, multi_avg_fn=get_ema_multi_avg_fn(0.999))
     generator = np.random.default_rng(0)
-    optimizer = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=3e-3)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=1e-2)
     net.to(memory_format=torch.channels_last)
     for number in range(steps):
         rate = RATE * min(1, number / 100) * 0.5 * (1 + math.cos(math.pi * number / steps))
@@ -239,8 +242,7 @@ def crop(
         targets = functional.interpolate(targets, (CROP, CROP), mode='nearest')
         planes[:, MEASURED] = (planes[:, MEASURED] > 0.5).float()
         planes[:, SCALE] += math.log(CROP / size) / 3
-    planes[:, GREY] *= math.exp(generator.normal(0, 0.25))
-    planes[:, GREY] += generator.normal(0, 0.05)
+    disturb(planes, generator)
     bumps = torch.from_numpy(generator.normal(0, 1, (1, 1, CROP // 16, CROP // 16)))
     bumps = functional.interpolate(bumps.float(), (CROP, CROP), mode='bilinear')
     planes[:, HEIGHT] += bumps[:, 0] * generator.uniform(0, 0.08)
@@ -249,6 +251,25 @@ def crop(
     if generator.random() < 0.5:
         planes, targets = planes.flip(-1), targets.flip(-1)
     return planes[0], targets[0, 0], targets[0, 1]
+
+
+def disturb(planes: torch.Tensor, generator: np.random.Generator) -> None:
+    """Vary what cameras and light vary: contrast, image noise, focus, how well all is known."""
+
+    def factor(spread: float) -> float:
+        return math.exp(generator.normal(0, spread))
+
+    planes[:, GREY] *= factor(0.35)
+    planes[:, GREY] += generator.normal(0, 0.08)
+    if generator.random() < 0.3:
+        planes[:, GREY] += torch.randn(CROP, CROP) * generator.uniform(0, 0.2)
+    if generator.random() < 0.2:
+        planes[:, GREY] = functional.avg_pool2d(planes[:, GREY], 3, 1, 1)
+    planes[:, HEIGHT] *= factor(0.03)
+    planes[:, EVIDENCE] *= factor(0.25)
+    noise = factor(0.12)
+    planes[:, (HEIGHT_NOISE, DISPARITY_NOISE)] *= noise
+    planes[:, HEIGHT_OVER_NOISE] /= noise
 
 
 def hide_a_side(planes: torch.Tensor, generator: np.random.Generator) -> None:
