@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
-from evaluation_results import CONFIG, OWN, REPORT, TUNE, Results
+from evaluation_results import CONFIG, DRAWN_METHODS, OWN, REPORT, TUNE, Results
 
 from rover_obstacle_detection.evaluation import disparity_study
 from rover_obstacle_detection.evaluation.fault_tables import (
@@ -173,6 +173,15 @@ BLOCKS: dict[str, Block] = {
     'scenes': tabulated(lambda results: scene_table(results.timed(OWN), OWN)),
     'losses': tabulated(lambda results: losses_table(results.timed(OWN), OWN)),
     'causes': tabulated(lambda results: causes_table(results.timed(OWN), OWN)),
+    'drawn': tabulated(
+        lambda results: method_table(
+            results.drawn(*results.installed(*DRAWN_METHODS)), with_times=False
+        )
+    ),
+    'drawn-scenes': tabulated(
+        lambda results: scene_table(results.drawn(OWN), OWN, with_times=False)
+    ),
+    'drawn-causes': tabulated(lambda results: causes_table(results.drawn(OWN), OWN)),
     'tuning-scenes': lambda results, folder: scene_list(results.tuned(OWN)),
     'tuning': tabulated(
         lambda results: method_table(results.tuned(*results.methods), with_times=False)

@@ -35,7 +35,9 @@ OWN = 'hybrid'
 WORST = 10
 # The sparse pipeline would take longer at nine clearances than all the rest together.
 CURVED = tuple(method for method in USE_CLEARANCE if method != 'wang')
-REPORT, TUNE = 'report', 'tune'
+REPORT, TUNE, DRAWN = 'report', 'tune', 'drawn'
+# The others take as long as all the rest together, and are told by the reporting scenes.
+DRAWN_METHODS = ('hybrid', 'study', 'image_only', 'depth_only', 'patchwork')
 CONFIG = DetectorConfig()
 
 T = TypeVar('T')
@@ -52,6 +54,8 @@ class Results:
         To compare.
     workers : int
         Processes for what is not timed.
+    drawn : sequence of Path
+        Labelled bags of scenes drawn by chance, which are reported as well.
     """
 
     def __init__(
@@ -60,8 +64,9 @@ class Results:
         tuning: Sequence[Path],
         methods: Sequence[str],
         workers: int,
+        drawn: Sequence[Path] = (),
     ) -> None:
-        self._bags = {REPORT: reporting, TUNE: tuning}
+        self._bags = {REPORT: reporting, TUNE: tuning, DRAWN: drawn}
         self.methods = methods
         # OpenCV's threads do not survive a fork; of two processes each has one core.
         self._pool = ProcessPoolExecutor(
@@ -89,6 +94,10 @@ class Results:
     def tuned(self, *methods: str) -> Evaluation:
         """Run methods over the tuning scenes; their times mean nothing."""
         return side_by_side([self._untimed(TUNE, method) for method in methods])
+
+    def drawn(self, *methods: str) -> Evaluation:
+        """Run methods over the scenes drawn by chance; their times mean nothing."""
+        return side_by_side([self._untimed(DRAWN, method) for method in methods])
 
     def ablation(self, kind: str) -> Evaluation:
         """Run the hybrid with and without each of its stages; the times mean nothing."""

@@ -5,7 +5,8 @@
     python scripts/update_evaluation.py --only worst causes  # these blocks of the page alone
 
 The suite is rendered where it is not yet (extra sim). Scenes named ``report_*`` make the reported
-figures, those named ``tune_*`` the figures to compare them with; the recorded bag that comes with
+figures, those named ``tune_*`` the figures to compare them with, and those of the suite `drawn`
+figures of rigs that nothing was trained on; the recorded bag that comes with
 the project has a table of its own. The text of the page between the blocks stays as it is. The
 pair of Middlebury needs the extra data; methods whose library is missing are left out.
 
@@ -41,6 +42,7 @@ def main() -> None:
         scenes(arguments, 'tune_*'),
         chosen_methods(arguments.methods),
         arguments.workers,
+        drawn(arguments),
     )
     names = arguments.only or list(BLOCKS)
     check_blocks(arguments.page.read_text(encoding='utf-8'), names)
@@ -102,6 +104,11 @@ def scenes(arguments: argparse.Namespace, kind: str) -> list[Path]:
         for bag in bags
         if fnmatch.fnmatch(bag.name, kind) and fnmatch.fnmatch(bag.name, arguments.scenes)
     ]
+
+
+def drawn(arguments: argparse.Namespace) -> list[Path]:
+    """Labelled bags of the scenes drawn by chance, unless other bags are given."""
+    return [] if arguments.bags else rendered('drawn', (arguments.scenes,))
 
 
 def rendered(suite: str, patterns: tuple[str, ...]) -> list[Path]:

@@ -34,7 +34,7 @@ def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
 def results() -> Iterator:
     from evaluation_results import Results
 
-    with Results([BAG], [], ['hybrid'], workers=1) as made:
+    with Results([BAG], [], ['hybrid'], workers=1, drawn=[BAG]) as made:
         yield made
 
 
@@ -101,6 +101,8 @@ def test_blocks_of_a_real_scene(results, tmp_path: Path) -> None:
     assert BLOCKS['reporting-scenes'](results, tmp_path).startswith('1 scenes, 1 frames')
     assert '| hybrid | 0.' in BLOCKS['methods'](results, tmp_path)
     assert BLOCKS['tuning'](results, tmp_path) == '-\n'
+    assert '| hybrid | 0.' in BLOCKS['drawn'](results, tmp_path)
+    assert BLOCKS['drawn-scenes'](results, tmp_path).count('| simulated_vga_moon |') == 1
     assert BLOCKS['gravity-scenes'](results, tmp_path).count('| simulated_vga_moon |') == 1
     assert '| rig vga | 1 |' in BLOCKS['disparity'](results, tmp_path)
     assert '| all | ' in BLOCKS['reliability'](results, tmp_path)

@@ -98,19 +98,15 @@ def condition_obstacles(evaluation: Evaluation) -> Table:
     return Table(title, ('condition', *evaluation.methods), rows)
 
 
-def scene_table(evaluation: Evaluation, method: str) -> Table:
+def scene_table(evaluation: Evaluation, method: str, *, with_times: bool = True) -> Table:
     """One method, a row a scene."""
-    rows = [
-        (
-            result.scene,
-            str(len(result.frames)),
-            *_figures([result]),
-            f'{1000 * result.median_seconds:.0f}',
-            f'{result.times_plain:.2f}',
-        )
-        for result in evaluation.of(method)
-    ]
-    header = ('scene', 'frames', 'IoU', *FIGURE_HEADER[1:], *TIME_HEADER)
+    rows = []
+    for result in evaluation.of(method):
+        times = (f'{1000 * result.median_seconds:.0f}', f'{result.times_plain:.2f}')
+        figures = (result.scene, str(len(result.frames)), *_figures([result]))
+        rows.append((*figures, *times) if with_times else figures)
+    header: tuple[str, ...] = ('scene', 'frames', 'IoU', *FIGURE_HEADER[1:])
+    header = (*header, *TIME_HEADER) if with_times else header
     return Table(f'{method} by scene', header, rows)
 
 

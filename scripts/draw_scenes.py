@@ -1,6 +1,6 @@
-"""Draw scenes to train on, and print them as lines of a suite.
+"""Draw scenes by chance, and print them as lines of a suite.
 
-    python scripts/make_training_scenes.py 2001 180 >> training.yaml
+    python scripts/draw_scenes.py 2001 222 >> training.yaml
 
 Every scene has a rig, a light, a sensor and a terrain of its own: what is trained on four rigs and
 twenty conditions knows four rigs and twenty conditions.
@@ -35,16 +35,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('first', type=int, help='seed of the first scene')
     parser.add_argument('count', type=int)
+    parser.add_argument('--prefix', default='train', help='what names begin with')
     arguments = parser.parse_args()
     yaml = YAML()
     yaml.default_flow_style = True
     yaml.width = 10_000
     for seed in range(arguments.first, arguments.first + arguments.count):
         sys.stdout.write('  - ')
-        yaml.dump(training_scene(seed), sys.stdout)
+        yaml.dump(drawn_scene(seed, arguments.prefix), sys.stdout)
 
 
-def training_scene(seed: int) -> dict[str, Any]:
+def drawn_scene(seed: int, prefix: str) -> dict[str, Any]:
     """Draw one scene, as a suite writes it."""
     generator = np.random.default_rng(seed)
 
@@ -106,7 +107,7 @@ def training_scene(seed: int) -> dict[str, Any]:
     if place not in ('low_texture', 'moon'):
         parameters['soil'] = {'contrast': round(times(0.25, 1.3), 2)}
     scene = {
-        'name': f'train_{seed}_{base.name}_{place}',
+        'name': f'{prefix}_{seed}_{base.name}_{place}',
         'seed': seed,
         'rig': base.name,
         'conditions': [place, sensor] if sensor else [place],
