@@ -6,7 +6,23 @@ from enum import IntFlag
 
 
 class Cue(IntFlag):
-    """What made a pixel an obstacle; a pixel may have several, and outlines add pixels of none."""
+    """What made a pixel an obstacle; a pixel may have several, and outlines add pixels of none.
+
+    Attributes
+    ----------
+    HEIGHT
+        It stands above the local ground.
+    SLOPE
+        The ground is too steep.
+    DROP
+        The ground lies too far below its surroundings.
+    REGION
+        It has no match, and is of the region of an obstacle beside it.
+    GREY_LEVEL
+        It has no 3D, and by the image alone it looks like an obstacle.
+    ROUGHNESS_STEP
+        The ground is too rough.
+    """
 
     HEIGHT = 1
     SLOPE = 2
