@@ -115,7 +115,7 @@ def detect_hybrid(
         terrain = replace(terrain, layers=())
     standing = standing_parts(terrain, config)
     finished('height')
-    rocks = outlined_rocks(stereo, terrain, standing, camera, config, leave_out)
+    rocks = outlined_rocks(stereo, terrain, standing, camera, config, rover_mask, leave_out)
     finished('outlines')
     rough = rough_ground(terrain, rocks.high | steep | dropped, config)
     finished('roughness')

@@ -62,6 +62,7 @@ def outlined_rocks(
     standing: Standing,
     camera: StereoCamera,
     config: DetectorConfig,
+    rover_mask: NDArray[np.bool_] | None = None,
     leave_out: frozenset[str] = frozenset(),
 ) -> Rocks:
     """Draw the outlines of what stands higher above the local ground than the rover can step.
@@ -73,6 +74,8 @@ def outlined_rocks(
     standing : Standing
     camera : StereoCamera
     config : DetectorConfig
+    rover_mask : ndarray of bool, shape (height, width), optional
+        Pixels that show the rover: no ground that lacks 3D.
     leave_out : frozenset of str
         Without ``outlines`` a threshold at half the height beside draws them; without ``parallax``
         the filter does not see that evidence; without ``sight`` only what stereo says counts.
@@ -85,7 +88,9 @@ def outlined_rocks(
     noise is one whatever the filter says.
     """
     found = Rocks(*(np.zeros(stereo.disparity.shape, np.bool_) for _ in range(2)))
-    unmeasured = unmeasured_ground(stereo, terrain, camera, config)
+    unmeasured = ~terrain.measured & (stereo.expected > camera.disparity_at(config.max_range))
+    if rover_mask is not None:
+        unmeasured &= ~rover_mask
     kernel = np.ones((UNMEASURED_PX, UNMEASURED_PX), np.uint8)
     wide = cv2.erode(unmeasured.astype(np.uint8), kernel) > 0
     for window in windows_around((standing.parts > 0) | wide):
@@ -107,13 +112,6 @@ def outlined_rocks(
         found.high[window] |= rocks.high
         found.by_sight[window] |= rocks.by_sight
     return found
-
-
-def unmeasured_ground(
-    stereo: Stereo, terrain: Terrain, camera: StereoCamera, config: DetectorConfig
-) -> NDArray[np.bool_]:
-    """Find the pixels without 3D at which the ground plane lies within range."""
-    return ~terrain.measured & (stereo.expected > camera.disparity_at(config.max_range))
 
 
 def _scaled(
