@@ -82,6 +82,11 @@ def test_far_away_what_surely_looks_like_a_rock_is_one(step_px, probability, mea
     assert kept(terrain, probability) == expected
 
 
+def test_far_away_stereo_may_rule_out_what_looks_like_a_rock():
+    assert kept(terrain_of(0.01, noise_m=0.03, step_px=5.0), 0.9) == 'high'
+    assert kept(terrain_of(0.01, noise_m=0.015, step_px=5.0), 0.9) == ''
+
+
 def test_far_away_it_has_to_look_as_large_as_the_step():
     terrain = terrain_of(0.03, noise_m=0.1, step_px=8.0)
     assert kept(terrain, 0.9)

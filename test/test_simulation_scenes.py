@@ -133,7 +133,7 @@ def test_a_suite_that_is_not_understood_is_refused(tmp_path, text, message):
 
 def test_a_suite_that_is_not_there_is_named():
     with pytest.raises(
-        ConfigurationError, match="no suite 'standart': expected one of samples, standard"
+        ConfigurationError, match="no suite 'standart': expected one of drawn, samples, standard"
     ):
         load_suite('standart')
 

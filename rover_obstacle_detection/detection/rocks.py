@@ -32,11 +32,14 @@ LEAST_SEEN_SHARE = 0.7
 # Stereo's height is worse with the square of the distance, the size in the image only with it.
 SMALL_STEP_PX = 10.0
 SURE_PROBABILITY = 0.7
+POSSIBLE_NOISES = 3.0
+POSSIBLE_SHARE = 0.1
+APPARENT_SHARE = 0.2
 UNMEASURED_PX = 9
 CERTAIN_SHARE = 1.5
 CERTAIN_NOISE_SHARE = 0.15
 CERTAIN_PIXELS = 40
-DRAWN_SHARE = 0.3
+DRAWN_SHARE = 0.5
 UPRIGHT_RATIO = 1.5
 
 
@@ -152,7 +155,9 @@ def too_high(
     up: a core may touch a false outline. Matching blocks flatten the tops of what is not much
     larger than they are, so less is asked of what is far. Farther still, where the step is a few
     pixels, its size in the image tells more than stereo, and where there is no 3D it is all there
-    is: what surely looks like a rock, and as large as the step at that distance, is one.
+    is: what surely looks like a rock, and as large as the step at that distance, is one, unless
+    stereo rules it out: hardly a pixel could be that high, or a fifth as high as the part looks,
+    within three standard deviations.
     """
     smooth_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
     drawn = drawn | high_holes(drawn, smooth_m, HOLE_SHARE * config.max_step)
@@ -178,7 +183,12 @@ def too_high(
     steps_px = np.bincount(inside, weights=step_px[drawn], minlength=count) / size
     likely = np.bincount(inside, weights=probability[drawn], minlength=count) / size
     sure = (likely >= SURE_PROBABILITY) & (boxes[:, cv2.CC_STAT_HEIGHT] >= steps_px)
-    high |= sure & (steps_px < SMALL_STEP_PX) & (measured >= size / 2)
+    apparent_m = config.max_step * boxes[:, cv2.CC_STAT_HEIGHT] / np.maximum(steps_px, 1e-3)
+    least_m = np.maximum(LEAST_SEEN_SHARE * config.max_step, APPARENT_SHARE * apparent_m)
+    most_m = smooth_m + POSSIBLE_NOISES * terrain.noise_m
+    as_high = pixels(drawn & terrain.measured & (most_m > least_m.astype(np.float32)[labels]))
+    possible = as_high >= POSSIBLE_SHARE * measured
+    high |= sure & possible & (steps_px < SMALL_STEP_PX) & (measured >= size / 2)
     by_sight = sure & ~high & (blind > size / 2)
     high[0] = by_sight[0] = False
     return Rocks(high[labels], by_sight[labels])
