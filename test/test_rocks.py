@@ -108,6 +108,14 @@ def test_without_3d_looks_and_size_decide(step_px, probability, in_range, expect
     assert kept(terrain, probability, unmeasured=in_range) == expected
 
 
+def test_what_looks_high_where_there_is_no_3d_is_ruled_out_by_flat_ground_in_its_midst():
+    terrain = terrain_of(0.0, noise_m=0.005, step_px=12.0)
+    terrain.height_m[20:30, 30:50] = np.nan
+    assert kept(terrain, 0.9, unmeasured=True) == ''
+    terrain.height_m[30:36, 30:50] = 0.3
+    assert kept(terrain, 0.9, unmeasured=True) != ''
+
+
 def test_a_core_does_not_make_an_obstacle_of_what_lies_flat():
     terrain = terrain_of(0.0)
     terrain.height_m[20:23, 30:50] = 0.3

@@ -187,8 +187,8 @@ def too_high(
     least_m = np.maximum(LEAST_SEEN_SHARE * config.max_step, APPARENT_SHARE * apparent_m)
     most_m = smooth_m + POSSIBLE_NOISES * terrain.noise_m
     as_high = pixels(drawn & terrain.measured & (most_m > least_m.astype(np.float32)[labels]))
-    possible = as_high >= POSSIBLE_SHARE * measured
-    high |= sure & possible & (steps_px < SMALL_STEP_PX) & (measured >= size / 2)
+    sure &= as_high >= POSSIBLE_SHARE * measured
+    high |= sure & (steps_px < SMALL_STEP_PX) & (measured >= size / 2)
     by_sight = sure & ~high & (blind > size / 2)
     high[0] = by_sight[0] = False
     return Rocks(high[labels], by_sight[labels])
