@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -19,12 +20,15 @@ _ITERATIONS = 5
 _RELIEF_M = 0.03
 _NEARNESS = 2.0
 _FIRST = 0.02
-_HINGES = 13
+_HINGES = 7
 _TURNS = tuple(math.radians(turn) for turn in (-30, -15, 0, 15, 30))
-_SEARCH_THINNING = 4
-_BEND_WIDTHS_M = (0.05, 0.15, 0.3)
+_THINNING = 4
+_BEND_WIDTH_M = 0.15
+_BEND_WIDTHS_M = (0.05, 0.15, 0.3, 0.5)
+_FINER = 3
+_COST_TOLERANCE = 0.1
 _MIN_BEND_DEG = 6.0
-_MAX_COST_SHARE = 0.5
+_MAX_COST_SHARE = 0.6
 _LEVEL_SHARE = 0.5
 
 Cells = NDArray[np.float64]
@@ -48,44 +52,73 @@ def estimate_vertical(layers: Sequence[Layer], ground: GroundPlane) -> tuple[flo
     -----
     Undulation tilts a small patch of ground more than a large one, so all that is seen within
     12 m is fitted, by its share of the view from above and the nearer the more. But a slope ahead
-    is no part of what the rover stands on: where a plane with a bend more or less across the view
-    fits much better, its near side counts, together with a plane through the nearer half of what
-    lies before the bend, for a bend of ground is no edge: its rise grows over up to 0.3 m on
-    either side (softplus). All fits are iteratively reweighted least squares with Cauchy weights.
+    is no part of what the rover stands on: where planes with a bend more or less across the view
+    fit much better, their near side counts, together with a plane through the nearer half of what
+    lies before the bend. A bend of ground is no edge: its rise grows over up to half a metre on
+    either side (softplus), and an early wide bend fits about as well as a later one of half the
+    angle, so the answer is the mean of all bends, each by how well it fits. All fits are
+    iteratively reweighted least squares with Cauchy weights.
     """
     cells = _cells(layers)
     if len(cells) < 20:
         return ground.up
-    flat, flat_cost = _fit(cells, None, 1.0)
-    rises = flat[1:3]
-    turn, hinge_m, width_m = _best_bend(cells[::_SEARCH_THINNING])
-    turned = _turned(cells, turn)
-    bent, cost = _fit(turned, hinge_m, width_m)
-    if cost < _MAX_COST_SHARE * flat_cost and abs(_bend_deg(bent)) > _MIN_BEND_DEG:
-        before = bent[1:3]
+    thinned = cells[::_THINNING]
+    bend = _mean_bend(thinned)
+    if bend.cost < _MAX_COST_SHARE * _fit(thinned, None, 1.0)[1] and bend.is_clear:
+        before = np.array([bend.rise_right, bend.rise_before])
+        turned = _turned(cells, bend.turn)
         first = np.quantile(turned[:, 1], _FIRST)
-        level = turned[turned[:, 1] < first + _LEVEL_SHARE * (hinge_m - first)]
+        level = turned[turned[:, 1] < first + _LEVEL_SHARE * (bend.distance_m - first)]
         if len(level) >= 20:
             before[1] = (before[1] + _fit(level, None, 1.0)[0][2]) / 2
-        rises = before @ _rotation(turn)
+        rises = before @ _rotation(bend.turn)
+    else:
+        rises = _fit(cells, None, 1.0)[0][1:3]
     right, forward = ground_axes(ground)
     normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
     x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
     return x, y, z
 
 
-def _best_bend(cells: Cells) -> tuple[float, float, float]:
-    """Turn to the right (radians), distance and width (m) of the bend that fits best."""
+@dataclass(frozen=True)
+class _Bend:
+    """Ground that bends across a direction turned to the right (radians)."""
 
-    def cost(bend: tuple[float, float, float]) -> float:
-        turn, hinge_m, width_m = bend
-        return _fit(_turned(cells, turn), hinge_m, width_m)[1]
+    turn: float
+    distance_m: float
+    rise_right: float
+    rise_before: float
+    rise_beyond: float
+    cost: float
 
+    @property
+    def is_clear(self) -> bool:
+        angle = math.atan(self.rise_beyond) - math.atan(self.rise_before)
+        return abs(math.degrees(angle)) > _MIN_BEND_DEG
+
+
+def _mean_bend(cells: Cells) -> _Bend:
+    """Mean of the bends near the one that fits best, each by how well it fits."""
     first, last = np.quantile(cells[:, 1], (_FIRST, 1 - _FIRST))
     hinges_m = np.geomspace(1.3 * first, 0.75 * last, _HINGES)
-    turn, hinge_m, _ = min(product(_TURNS, hinges_m[::2], _BEND_WIDTHS_M[1:2]), key=cost)
-    near = np.abs(np.log(hinges_m / hinge_m)) < 1.5 * np.log(hinges_m[1] / hinges_m[0])
-    return min(product((turn,), hinges_m[near], _BEND_WIDTHS_M), key=cost)
+
+    def cost(bend: tuple[float, float]) -> float:
+        turn, hinge_m = bend
+        return _fit(_turned(cells, turn), hinge_m, _BEND_WIDTH_M)[1]
+
+    turn, best_m = min(product(_TURNS, hinges_m), key=cost)
+    turned = _turned(cells, turn)
+    around_m = best_m * (hinges_m[1] / hinges_m[0]) ** (np.arange(-_FINER, _FINER + 1) / _FINER)
+    rows = []
+    for hinge_m, width_m in product(around_m, _BEND_WIDTHS_M):
+        (_, right, near, further), fit_cost = _fit(turned, hinge_m, width_m)
+        under_rover = further / (1 + math.exp(hinge_m / width_m))
+        rows.append((hinge_m, right, near + under_rover, near + further, fit_cost))
+    bends = np.array(rows)
+    costs = bends[:, -1]
+    weight = np.exp((costs.min() - costs) / (_COST_TOLERANCE * max(costs.min(), 1e-9)))
+    distance_m, right, before, beyond, _ = weight @ bends / weight.sum()
+    return _Bend(turn, distance_m, right, before, beyond, costs.min())
 
 
 def _rotation(turn: float) -> NDArray[np.float64]:
@@ -141,8 +174,3 @@ def _fit(cells: Cells, hinge_m: float | None, width_m: float) -> tuple[NDArray[n
         squares = ((height - design @ solution) / _RELIEF_M) ** 2
         weight = share / (1 + squares)
     return solution, float(np.sum(share * np.log1p(squares)))
-
-
-def _bend_deg(solution: NDArray[np.float64]) -> float:
-    _, _, near, further = solution
-    return math.degrees(math.atan(near + further) - math.atan(near))
