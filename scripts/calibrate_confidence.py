@@ -3,11 +3,11 @@
     python scripts/calibrate_confidence.py BAG...            # fit, and print
     python scripts/calibrate_confidence.py BAG... --write    # and put it into the package
 
-Recordings named ``tune_*`` are fitted, those named ``report_*`` only looked at. An obstacle is
-real where at least half of its counted pixels are labelled rock, slope or drop; one with less than
-half of its pixels counted is left out. A good detector has few false obstacles to learn from, so
-that each tuning pair is also fitted as a worse camera would have taken it: `VARIATIONS`. The
-reported recordings are taken as they are.
+Recordings named ``report_*`` or ``drawn_*`` are only looked at, all others are fitted. An obstacle
+is real where at least half of its counted pixels are labelled rock, slope or drop; one with less
+than half of its pixels counted is left out. A good detector has few false obstacles to learn from,
+so that each pair that is fitted is also fitted as a worse camera would have taken it:
+`VARIATIONS`. The reported recordings are taken as they are.
 """
 
 from __future__ import annotations
@@ -82,6 +82,7 @@ VARIATIONS: dict[str, Callable[[Image, Image, Random], tuple[Image, Image]]] = {
     'rows off by 1.5': lambda left, right, random: (left, shifted(right, 1.5)),
     'one eye blurred': lambda left, right, random: (left, blurred(right, 2)),
 }
+REPORTED = ('report_', 'drawn_')
 AS_RECORDED = ('as recorded',)
 
 
@@ -111,11 +112,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         '--write', action='store_true', help=f'put the coefficients into {COEFFICIENTS_FILE.name}'
     )
     options = parser.parse_args(arguments)
-    tuning = [path for path in options.bags if path.resolve().name.startswith('tune_')]
-    reported = [path for path in options.bags if path.resolve().name.startswith('report_')]
+    reported = [path for path in options.bags if path.resolve().name.startswith(REPORTED)]
+    tuning = [path for path in options.bags if path not in reported]
     if not tuning:
-        parser.error('no recording is named tune_*')
-    config = DetectorConfig(method=options.method)
+        parser.error(f'nothing to fit: every recording is named {" or ".join(REPORTED)}')
+    # What the confidence would leave out has to be seen to know how sure it is.
+    config = DetectorConfig(method=options.method, min_confidence=0.0)
     samples = collect(tuning, config, tuple(VARIATIONS))
     real = np.concatenate([np.zeros(0, bool), *(each.real for each in samples)])
     if real.all() or not real.any():

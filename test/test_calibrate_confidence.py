@@ -165,4 +165,4 @@ def test_without_tuning_scenes_there_is_nothing_to_fit(script, tmp_path, capsys)
     with pytest.raises(SystemExit) as error:
         script.main([str(tmp_path / 'report_a')])
     assert error.value.code == 2
-    assert 'no recording is named tune_*' in capsys.readouterr().err
+    assert 'every recording is named report_ or drawn_' in capsys.readouterr().err

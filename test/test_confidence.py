@@ -5,6 +5,7 @@ import pytest
 
 from rover_obstacle_detection.detection.confidence import (
     FEATURES,
+    LEAST_NOISE_SHARE,
     STRENGTHEN,
     TYPICAL_NOISE_PX,
     WEAKEN,
@@ -32,6 +33,7 @@ def measure(**changes):
         'disparity': np.full(SHAPE, 8, np.float32),
         'height_m': height,
         'noise_m': np.full(SHAPE, 0.02, np.float32),
+        'rock_probability': np.full(SHAPE, np.nan, np.float32),
         'cues': np.where(numbers, Cue.HEIGHT, 0).astype(np.uint8),
         'max_step_m': 0.10,
         'window_px': 5,
@@ -73,6 +75,7 @@ def test_the_pair_that_shows_more_noise_makes_less_of_the_same_height():
         'grey': np.full(SHAPE, 100, np.uint8),
         'height_m': np.full(SHAPE, 0.16, np.float32),
         'noise_m': np.full(SHAPE, 0.02, np.float32),
+        'rock_probability': np.full(SHAPE, np.nan, np.float32),
         'cues': np.zeros(SHAPE, np.uint8),
         'max_step_m': 0.1,
         'window_px': 5,
@@ -134,6 +137,32 @@ def test_shares_of_the_cues_and_where_they_agree():
     assert evidence.agreement == pytest.approx([0.2, 0])
 
 
+def test_the_outline_filter_counts_where_height_or_looks_make_the_obstacle():
+    probability = np.full(SHAPE, np.nan, np.float32)
+    probability[2:7, 3:13] = 0.8
+    cues = np.full(SHAPE, Cue.HEIGHT, np.uint8)
+    cues[SMALL] = Cue.SLOPE
+    probability[SMALL] = 0.8
+    odds = measure(rock_probability=probability, cues=cues).rock_log_odds
+    assert odds == pytest.approx([np.log(4) / 2, 0], rel=1e-5)
+    probability[:] = 1
+    odds = measure(rock_probability=probability, cues=cues).rock_log_odds
+    assert odds[0] == pytest.approx(np.log(99), rel=1e-5)
+
+
+def test_size_and_noise_of_what_is_too_steep_or_low_count_for_themselves():
+    cues = np.full(SHAPE, Cue.SLOPE, np.uint8)
+    cues[SMALL] = Cue.HEIGHT
+    evidence = measure(cues=cues)
+    assert evidence.ground_share.tolist() == [1, 0]
+    features = dict(zip(FEATURES, evidence.features().T, strict=True))
+    assert features['ground_log_pixels'] == pytest.approx([np.log(100), 0])
+    noise_share = 0.02 * as_typical(np.full(SHAPE, 8, np.float32)) / 0.10
+    assert features['ground_log_noise'] == pytest.approx(
+        [np.log(noise_share + LEAST_NOISE_SHARE), 0], rel=1e-5
+    )
+
+
 def test_an_outline_on_an_edge_of_the_image_stands_out():
     grey = np.full(SHAPE, 100, np.uint8)
     assert measure(grey=grey).contrast == pytest.approx([1, 1])
@@ -149,7 +178,8 @@ def test_the_more_outline_for_its_size_the_more_ragged():
     numbers[15, 2:27] = 2  # a line
     numbers[18, 5] = 3  # a dot
     numbers[0:2, 20:30] = 4  # at the border, of 20 pixels 11 beside the ground
-    given = {name: np.ones(SHAPE, np.float32) for name in ('disparity', 'height_m', 'noise_m')}
+    floats = ('disparity', 'height_m', 'noise_m', 'rock_probability')
+    given = {name: np.ones(SHAPE, np.float32) for name in floats}
     bytes_ = {name: np.zeros(SHAPE, np.uint8) for name in ('grey', 'cues')}
     evidence = measure_evidence(numbers, **given, **bytes_, max_step_m=0.1, window_px=5)
     assert evidence.raggedness == pytest.approx([3.6, 5, 1, 11 / 20**0.5])
@@ -157,7 +187,7 @@ def test_the_more_outline_for_its_size_the_more_ragged():
 
 def test_features_stand_in_the_order_of_their_names():
     features = dict(zip(FEATURES, measure().features().T, strict=True))
-    assert len(features) == 8 + len(Cue)
+    assert len(features) == 11 + len(Cue)
     assert features['intercept'].tolist() == [1, 1]
     assert features['log_excess'] == pytest.approx(np.log([7, 2]), rel=1e-5)
     assert features['log_pixels'] == pytest.approx(np.log([100, 10]))
@@ -165,6 +195,8 @@ def test_features_stand_in_the_order_of_their_names():
     assert features['log_raggedness'] == pytest.approx(np.log([3.6, 1.0 * 10**0.5]))
     noise_px = seen_disparity_noise_px(np.full(SHAPE, 8, np.float32))
     assert features['log_disparity_noise'] == pytest.approx(np.log([noise_px] * 2))
+    assert features['rock_log_odds'].tolist() == [0, 0]
+    assert features['ground_log_pixels'].tolist() == [0, 0]
     assert features['height_share'].tolist() == [1, 1]
     assert features['roughness_step_share'].tolist() == [0, 0]
 
@@ -177,6 +209,7 @@ def test_without_obstacles_there_is_nothing_to_be_sure_of():
         disparity=np.zeros(SHAPE, np.float32),
         height_m=np.zeros(SHAPE, np.float32),
         noise_m=np.ones(SHAPE, np.float32),
+        rock_probability=np.ones(SHAPE, np.float32),
         cues=np.zeros(SHAPE, np.uint8),
         max_step_m=0.1,
         window_px=5,

@@ -136,10 +136,17 @@ def test_steps_are_kept_to(name):
     assert getattr(DetectorConfig(**{name: value - 1}), name) == value - 1
 
 
+@pytest.mark.parametrize(('method', 'own'), [('hybrid', 3), ('study', 5)])
+def test_each_method_has_blocks_of_its_own(method, own):
+    assert DetectorConfig(method=method).block_size == own
+    assert DetectorConfig(method=method, correlation_window_size=7).block_size == 7
+
+
 @given(st.integers(-50, 50))
 def test_blocks_are_odd_and_within_range(value):
-    if 1 <= value <= 21 and value % 2:
-        assert DetectorConfig(correlation_window_size=value).correlation_window_size == value
+    if -1 <= value <= 21 and value % 2:
+        config = DetectorConfig(correlation_window_size=value)
+        assert config.block_size == (value if value > 0 else 3)
     else:
         assert refusal(correlation_window_size=value).startswith('correlation_window_size is')
 

@@ -25,6 +25,7 @@ PRODUCTS = {
     'step': np.float32,
     'height': np.float32,
     'height_noise': np.float32,
+    'rock_probability': np.float32,
     'cues': np.uint8,
     'obstacle_numbers': np.int32,
     'confidence': np.float32,

@@ -41,7 +41,9 @@ def assert_mostly(found, expected, tolerance=0.07):
 
 
 def matched(pair, count=32, offset=0.0, **config):
-    return plain_disparity(*pair, camera(offset), count, DetectorConfig(**config), OWN)
+    return plain_disparity(
+        *pair, camera(offset), count, DetectorConfig(method='study', **config), OWN
+    )
 
 
 @pytest.mark.parametrize('disparity', [1, 7, 20])
@@ -85,7 +87,7 @@ def test_negative_search_finds_what_lies_left():
 
 
 def test_sixteenths_of_a_pixel():
-    fixed = semi_global_match(*shifted_pair(7), 2, 16, DetectorConfig(), OWN)
+    fixed = semi_global_match(*shifted_pair(7), 2, 16, DetectorConfig(method='study'), OWN)
     assert fixed.dtype == np.int16
     assert fixed.shape == (HEIGHT, WIDTH)
     assert_mostly(fixed[:, 20:], 7 * 16, 1)
@@ -95,7 +97,7 @@ def test_sixteenths_of_a_pixel():
 @pytest.mark.parametrize(('lowest', 'count'), [(0, 208), (-100, 208), (190, 16), (0, 4096)])
 @pytest.mark.parametrize('mode', [0, 2])
 def test_range_wider_than_the_image_matches_nothing(lowest, count, mode):
-    config = DetectorConfig(sgbm_mode=mode)
+    config = DetectorConfig(method='study', sgbm_mode=mode)
     fixed = semi_global_match(*shifted_pair(7), lowest, count, config, OWN)
     assert fixed.dtype == np.int16
     assert (fixed == (lowest - 1) * 16).all()

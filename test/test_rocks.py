@@ -38,18 +38,18 @@ def kept(terrain, probability=0.6, drawn=ROCK, unmeasured=False):
     """What is kept of a drawing, all or nothing: 'high', 'by sight' or ''."""
     mask = np.zeros(SHAPE, bool)
     mask[drawn] = True
-    found = too_high(
+    high, by_sight = too_high(
         mask,
         np.full(SHAPE, probability, np.float32),
         terrain,
         ~terrain.measured & unmeasured,
         CONFIG,
     )
-    for rocks in (found.high, found.by_sight):
+    for rocks in (high, by_sight):
         assert rocks.dtype == np.bool_
         assert rocks.sum() in (0, mask.sum())
-    assert not (found.high & found.by_sight).any()
-    return 'high' if found.high.any() else 'by sight' if found.by_sight.any() else ''
+    assert not (high & by_sight).any()
+    return 'high' if high.any() else 'by sight' if by_sight.any() else ''
 
 
 @pytest.mark.parametrize(('height', 'expected'), [(0.05, ''), (0.095, ''), (0.11, 'high')])

@@ -56,6 +56,17 @@ def test_slope_ahead_is_no_part_of_what_the_rover_stands_on(angle, start, softne
     assert apart_deg(vertical(bank(angle, start, softness), high), high.up) < 2
 
 
+@pytest.mark.parametrize(('pitch_deg', 'height_m'), [(45, 1.2), (46, 0.9)])
+def test_slope_that_begins_gently_is_not_shared_out_between_rover_and_slope(pitch_deg, height_m):
+    # A later bend of a smaller angle fits about as well as the true one.
+    def relief(x, y):
+        return 0.012 * np.sin(2 * np.pi * x / 1.1 + 1) * np.cos(2 * np.pi * y / 0.9 + 1)
+
+    slope = bank(-26, 1.4, 0.4)
+    eye = Eye(pitch_deg=pitch_deg, height_m=height_m)
+    assert apart_deg(vertical(lambda x, y: slope(x, y) + relief(x, y), eye), eye.up) < 1.35
+
+
 @pytest.mark.parametrize(('angle', 'start'), [(26, 3.0), (-26, 1.8)])
 def test_slope_ahead_over_another_plane(angle, start):
     assert apart_deg(vertical(bank(angle, start), ground=LEANING), EYE.up) < 2

@@ -20,12 +20,23 @@ FEATURES = (
     'log_contrast',
     'log_raggedness',
     'log_disparity_noise',
+    'rock_log_odds',
+    'ground_log_pixels',
+    'ground_log_noise',
     *(f'{cue.name.lower()}_share' for cue in Cue if cue.name),
 )
 """Names of the columns of `ObstacleEvidence.features`."""
 
-STRENGTHEN = ('log_excess', 'log_pixels', 'measured_share', 'agreement', 'log_contrast')
-WEAKEN = ('log_raggedness', 'log_disparity_noise')
+STRENGTHEN = (
+    'log_excess',
+    'log_pixels',
+    'measured_share',
+    'agreement',
+    'log_contrast',
+    'rock_log_odds',
+    'ground_log_pixels',
+)
+WEAKEN = ('log_raggedness', 'log_disparity_noise', 'ground_log_noise')
 """Features that the confidence never falls with, and those that it never rises with."""
 
 # What clean pairs show, so that noise as modelled is taken as it is there.
@@ -34,6 +45,9 @@ SPACING_PX = 2
 MAX_DIFFERENCE_PX = 4.0
 # A change of grey level that no outline shows up in.
 FAINT_LEVELS = 0.2
+LEAST_NOISE_SHARE = 0.05
+# The outline filter is never quite sure.
+SUREST = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +68,13 @@ class ObstacleEvidence:
         How much faster the grey level changes along its outline than in most of the image.
     raggedness : ndarray of float64, shape (n,)
         Pixels of its outline over the square root of all: the larger, the less compact.
+    rock_log_odds : ndarray of float64, shape (n,)
+        Mean of the outline filter's log odds, counted over what is an obstacle for its height or
+        looks.
+    ground_share : ndarray of float64, shape (n,)
+        Share of its pixels that are ground too steep or too low.
+    noise_share : ndarray of float64, shape (n,)
+        Mean noise of its pixels' heights over the rover's step; 0 without 3D.
     cue_shares : ndarray of float64, shape (n, cues)
         Share of its pixels with each of the cues, in the order of `Cue`.
     disparity_noise_px : float
@@ -66,6 +87,9 @@ class ObstacleEvidence:
     agreement: NDArray[np.float64]
     contrast: NDArray[np.float64]
     raggedness: NDArray[np.float64]
+    rock_log_odds: NDArray[np.float64]
+    ground_share: NDArray[np.float64]
+    noise_share: NDArray[np.float64]
     cue_shares: NDArray[np.float64]
     disparity_noise_px: float
 
@@ -81,6 +105,9 @@ class ObstacleEvidence:
                 np.log(self.contrast),
                 np.log(self.raggedness),
                 np.full_like(self.pixels, np.log(self.disparity_noise_px)),
+                self.rock_log_odds,
+                self.ground_share * np.log(self.pixels),
+                self.ground_share * np.log(self.noise_share + LEAST_NOISE_SHARE),
                 self.cue_shares,
             )
         )
@@ -93,6 +120,7 @@ def measure_evidence(
     disparity: NDArray[np.float32],
     height_m: NDArray[np.float32],
     noise_m: NDArray[np.float32],
+    rock_probability: NDArray[np.float32],
     cues: NDArray[np.uint8],
     max_step_m: float,
     window_px: int,
@@ -111,6 +139,8 @@ def measure_evidence(
         Above the local ground; NaN where none.
     noise_m : ndarray of float32, shape (height, width)
         Standard deviation of the height of a single pixel.
+    rock_probability : ndarray of float32, shape (height, width)
+        Of the outline filter; NaN where it was not asked.
     cues : ndarray of uint8, shape (height, width)
         Flags of `Cue`.
     max_step_m : float
@@ -135,6 +165,8 @@ def measure_evidence(
     own_height, own_noise = height_m.ravel()[where], noise_m.ravel()[where]
     measured = np.isfinite(own_height) & np.isfinite(own_noise) & (disparity.ravel()[where] > 0)
     own_cues = cues.ravel()[where]
+    by_filter = (own_cues & np.uint8(Cue.HEIGHT | Cue.GREY_LEVEL)) > 0
+    odds = _log_odds(rock_probability.ravel()[where[by_filter]])
     noise_px = seen_disparity_noise_px(disparity)
     outline = _is_outline(numbers).ravel()[where]
     return ObstacleEvidence(
@@ -150,6 +182,9 @@ def measure_evidence(
         agreement=share((own_cues & (own_cues - 1)) > 0),
         contrast=_contrast(owner[outline], where[outline], grey, count),
         raggedness=np.maximum(share(outline) * np.sqrt(pixels), 1.0),
+        rock_log_odds=np.bincount(owner[by_filter], weights=odds, minlength=count) / pixels,
+        ground_share=share((own_cues & np.uint8(Cue.SLOPE | Cue.DROP)) > 0),
+        noise_share=_mean_where(owner[measured], own_noise[measured], count) / max_step_m,
         cue_shares=np.column_stack([share((own_cues & np.uint8(cue)) > 0) for cue in Cue]),
         disparity_noise_px=noise_px,
     )
@@ -209,6 +244,13 @@ def logistic(log_odds: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(0.5 * (1 + np.tanh(0.5 * log_odds)))
 
 
+def _log_odds(probability: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Log odds of limited size; 0 where the probability is not known."""
+    even = np.nan_to_num(probability.astype(np.float64), nan=0.5)
+    limited = np.clip(even, 1 - SUREST, SUREST)
+    return np.asarray(np.log(limited / (1 - limited)))
+
+
 def _excess(
     owner: NDArray[np.int32],
     excess_m: NDArray[np.float32],
@@ -225,6 +267,13 @@ def _excess(
     ratio = np.zeros(count)
     np.divide(excess_sum, noise_sum, out=ratio, where=noise_sum > 0)
     return np.asarray(ratio * np.sqrt(samples))
+
+
+def _mean_where(
+    owner: NDArray[np.int32], values: NDArray[np.float32], count: int
+) -> NDArray[np.float64]:
+    pixels = np.bincount(owner, minlength=count)
+    return np.asarray(np.bincount(owner, values, minlength=count) / np.maximum(pixels, 1))
 
 
 def _is_outline(numbers: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from rover_obstacle_detection.errors import ConfigurationError
 Value = bool | int | float | str
 
 METHODS = ('hybrid', 'study')
+BLOCK_SIZES = {'hybrid': 3, 'study': 5}
 GRAVITY_SOURCES = ('estimate', 'parameters', 'imu', 'tf')
 
 
@@ -155,7 +156,11 @@ class DetectorConfig:
         step=16,
     )
     correlation_window_size: int = _parameter(
-        5, 'Side of the matching block (px, odd).', 1, 21, step=2
+        -1,
+        "Side of the matching block (px, odd); -1: the method's own (hybrid 3, study 5).",
+        -1,
+        21,
+        step=2,
     )
     P1: float = _parameter(
         0.0,
@@ -207,6 +212,14 @@ class DetectorConfig:
         0.5, 'Method hybrid: probability from which a pixel is inside an outline.', 0.05, 0.95
     )
 
+    min_confidence: float = _parameter(
+        0.2,
+        'Method hybrid: finds with less confidence than this are no obstacles, and their pixels '
+        'unknown.',
+        0.0,
+        1.0,
+    )
+
     mean_shift_spatial_radius: float = _parameter(
         15.0, 'Mean-shift spatial bandwidth (px).', 1.0, 100.0
     )
@@ -254,6 +267,13 @@ class DetectorConfig:
         if self.P1 and self.P2 and self.P2 <= self.P1:
             msg = f'P2 is {self.P2}: expected more than P1, {self.P1}'
             raise ConfigurationError(msg)
+
+    @property
+    def block_size(self) -> int:
+        """Side of the matching block, pixels."""
+        if self.correlation_window_size > 0:
+            return self.correlation_window_size
+        return BLOCK_SIZES[self.method]
 
     @classmethod
     def parameters(cls) -> tuple[ParameterDescription, ...]:

@@ -100,6 +100,13 @@ class Detection:
         return self._product('height_noise')
 
     @cached_property
+    def rock_probability(self) -> NDArray[np.float32]:
+        """How likely the outline filter holds a pixel for a rock; NaN where it was not asked."""
+        if 'rock_probability' not in self.products:
+            return _frozen(np.full(self.mask.shape, np.nan, np.float32))
+        return self._product('rock_probability')
+
+    @cached_property
     def cues(self) -> NDArray[np.uint8]:
         """What made each pixel an obstacle: the flags of `Cue`, 0 where nothing did."""
         return self._product('cues')
@@ -128,9 +135,10 @@ class Detection:
             disparity=self.disparity,
             height_m=self.height,
             noise_m=self.height_noise,
+            rock_probability=self.rock_probability,
             cues=self.cues,
             max_step_m=self.config.max_step,
-            window_px=self.config.correlation_window_size,
+            window_px=self.config.block_size,
         )
 
     @cached_property

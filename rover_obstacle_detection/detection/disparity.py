@@ -80,7 +80,7 @@ def semi_global_match(
     matcher = cv2.StereoSGBM.create(
         minDisparity=lowest,
         numDisparities=count,
-        blockSize=config.correlation_window_size,
+        blockSize=config.block_size,
         P1=penalty.one,
         P2=penalty.more,
         disp12MaxDiff=config.disp12_max_diff,

@@ -153,7 +153,7 @@ def image_penalties(grey: NDArray[np.uint8], share: float, config: DetectorConfi
     penalty has to keep step with it, or a hazy image comes out flat and a crisp one torn. Where
     noise drowns texture, costs tell less and smoothness has to tell more.
     """
-    unit = gradient_level(grey) * config.correlation_window_size**2
+    unit = gradient_level(grey) * config.block_size**2
     unit *= config.smoothness * (1 + NOISE_PENALTY * share)
     one = min(max(1, round(PENALTY_ONE * unit)), MAX_PENALTY - 1)
     return Penalties(one, min(max(round(PENALTY_MORE * unit), one + 1), MAX_PENALTY))

@@ -13,7 +13,7 @@ from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.clearance import small_parts
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.cue import Cue
-from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection
+from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection, Product
 from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.grey_level import dark_regions
 from rover_obstacle_detection.detection.ground_matching import Stereo, match_against_ground
@@ -27,7 +27,7 @@ from rover_obstacle_detection.detection.image import GreyPair
 from rover_obstacle_detection.detection.outline import texture_level
 from rover_obstacle_detection.detection.regions import nearest_values, seed_regions
 from rover_obstacle_detection.detection.reprojection import reproject
-from rover_obstacle_detection.detection.rocks import outlined_rocks
+from rover_obstacle_detection.detection.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
 from rover_obstacle_detection.detection.survey import OPENING_M, Terrain, survey
 from rover_obstacle_detection.detection.terrain import (
@@ -50,6 +50,7 @@ OPTIONAL_STAGES = (
     'sight',
     'regions',
     'grey level',
+    'doubt',
 )
 """Stages that the chain can do without, for the ablation."""
 
@@ -134,8 +135,13 @@ def detect_hybrid(
         Cue.GREY_LEVEL: dark | rocks.by_sight,
     }
     cues, mask = combined(found, rover_mask)
+    detection = _detection(
+        stereo, terrain, segments, rocks, cues, mask, rover_mask, camera, config
+    )
+    if 'doubt' not in leave_out:
+        detection = without_doubtful(detection)
     finished('mask')
-    return _detection(stereo, terrain, segments, cues, mask, rover_mask, pair[0], camera, config)
+    return detection
 
 
 def combined(
@@ -218,19 +224,37 @@ def complete_by_regions(
     return near_rock, dark
 
 
+def without_doubtful(detection: Detection) -> Detection:
+    """Take back what is more likely no obstacle; it is not free either.
+
+    Most of it are specks of far ground that noise makes steep.
+    """
+    doubtful = detection.mask == OBSTACLE
+    doubtful &= detection.confidence < detection.config.min_confidence
+    if not doubtful.any():
+        return detection
+    products: dict[str, Product] = {
+        'cues': np.where(doubtful, 0, detection.cues).astype(np.uint8),
+        'mask': np.where(doubtful, FREE, detection.mask).astype(np.uint8),
+        'known': lambda: detection.known & ~doubtful,
+    }
+    return replace(detection, products={**detection.products, **products})
+
+
 def _detection(
     stereo: Stereo,
     terrain: Terrain,
     segments: Segments,
+    rocks: Rocks,
     cues: NDArray[np.uint8],
     mask: NDArray[np.uint8],
     rover_mask: NDArray[np.bool_] | None,
-    grey: NDArray[np.uint8],
     camera: StereoCamera,
     config: DetectorConfig,
 ) -> Detection:
     # What is made on request must not hold on to maps and planes: a node keeps detections.
     disparity, ground = stereo.disparity, stereo.ground
+    rock_probability = rocks.probability
     height_m, noise_m = terrain.height_m, terrain.noise_m
     regions, is_seed = segments.regions, segments.is_seed
 
@@ -249,7 +273,7 @@ def _detection(
         config=config,
         ground=ground,
         products={
-            'grey': grey,
+            'grey': stereo.pair[0],
             'disparity': disparity,
             'regions': regions,
             'seeds': lambda: is_seed[regions],
@@ -257,6 +281,7 @@ def _detection(
             'step': step,
             'height': height_m,
             'height_noise': noise_m,
+            'rock_probability': rock_probability,
             'cues': cues,
             'known': known,
             'mask': mask,

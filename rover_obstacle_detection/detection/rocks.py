@@ -53,10 +53,13 @@ class Rocks:
         For its height, or far away its size.
     by_sight : ndarray of bool, shape (height, width)
         For its looks and its size in the image: there is no 3D.
+    probability : ndarray of float32, shape (height, width)
+        Of the outline filter; NaN where it was not asked.
     """
 
     high: NDArray[np.bool_]
     by_sight: NDArray[np.bool_]
+    probability: NDArray[np.float32]
 
 
 def outlined_rocks(
@@ -90,7 +93,10 @@ def outlined_rocks(
     obstacle only if it is too high for the rover (`too_high`), and what stands far over step and
     noise is one whatever the filter says.
     """
-    found = Rocks(*(np.zeros(stereo.disparity.shape, np.bool_) for _ in range(2)))
+    shape = stereo.disparity.shape
+    found = Rocks(
+        np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.full(shape, np.nan, np.float32)
+    )
     unmeasured = ~terrain.measured & (stereo.expected > camera.disparity_at(config.max_range))
     if rover_mask is not None:
         unmeasured &= ~rover_mask
@@ -104,6 +110,7 @@ def outlined_rocks(
             if 'parallax' in leave_out:
                 planes[PLANES.index('parallax evidence')] = 0
             probability = outline_model().probability(planes)
+            found.probability[window] = probability
             drawn = probability > config.outline_probability
             drawn |= denied_parts(drawn, near, parts, config)
         else:
@@ -111,9 +118,9 @@ def outlined_rocks(
             probability = np.zeros(drawn.shape, np.float32)
         if 'sight' in leave_out:
             probability = np.zeros_like(probability)
-        rocks = too_high(drawn, probability, near, unmeasured[window], config)
-        found.high[window] |= rocks.high
-        found.by_sight[window] |= rocks.by_sight
+        high, by_sight = too_high(drawn, probability, near, unmeasured[window], config)
+        found.high[window] |= high
+        found.by_sight[window] |= by_sight
     return found
 
 
@@ -135,7 +142,7 @@ def too_high(
     terrain: Terrain,
     unmeasured: NDArray[np.bool_],
     config: DetectorConfig,
-) -> Rocks:
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Keep the connected parts of a drawing that the rover cannot step over.
 
     Parameters
@@ -148,6 +155,11 @@ def too_high(
     unmeasured : ndarray of bool, shape (height, width)
         Pixels without 3D at which the ground plane lies within range.
     config : DetectorConfig
+
+    Returns
+    -------
+    high, by_sight : ndarray of bool, shape (height, width)
+        What is too high by stereo or, far away, its size; and what only looks so.
 
     Notes
     -----
@@ -191,7 +203,7 @@ def too_high(
     high |= sure & (steps_px < SMALL_STEP_PX) & (measured >= size / 2)
     by_sight = sure & ~high & (blind > size / 2)
     high[0] = by_sight[0] = False
-    return Rocks(high[labels], by_sight[labels])
+    return high[labels], by_sight[labels]
 
 
 def denied_parts(

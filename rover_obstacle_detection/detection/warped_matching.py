@@ -171,6 +171,6 @@ def warped_disparity(
     seen_right -= np.float32(camera.disparity_offset)
     disparity[
         (fixed < lowest * SUBPIXELS) | (disparity <= 0)
-        | (seen_right < config.correlation_window_size) | (seen_right > camera.width - 1)
+        | (seen_right < config.block_size) | (seen_right > camera.width - 1)
     ] = 0  # fmt: skip
     return disparity

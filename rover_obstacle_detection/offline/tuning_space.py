@@ -63,6 +63,8 @@ class SearchRange:
 
     def value_in(self, config: DetectorConfig) -> float:
         """Return the value of a configuration."""
+        if self.name == 'correlation_window_size':
+            return config.block_size
         value: float = getattr(config, self.name)
         return value
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -87,6 +87,8 @@ def match_plainly(
     ndarray of float32, shape (height, width)
         Pixels, the camera's offset taken off; 0 where there is no match.
     """
+    # The hybrid's blocks are smaller, for it goes on refining.
+    config = replace(config, method='study')
     grey_left, grey_right = grey_pair(left, right, camera)
     count = _disparities_in_view(grey_left, grey_right, camera, config)
     return plain_disparity(grey_left, grey_right, camera, count, config, PENALTIES)
