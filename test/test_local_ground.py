@@ -50,6 +50,15 @@ def test_rock_is_not_part_of_the_ground_under_it(size_m, height):
     np.testing.assert_allclose(ground_under(terrain), 0, atol=0.015)
 
 
+def test_rock_that_hides_all_behind_it_is_no_ground():
+    # From low down little is seen behind what stands up.
+    terrain = np.zeros(SHAPE)
+    terrain[40:46, 20:80] = 0.3
+    weight = np.where(ROWS < 46, 1.0, 0.0)
+    found = ground_under(terrain, weight)
+    np.testing.assert_allclose(found[:46], 0, atol=0.03)
+
+
 def test_rock_on_a_slope():
     ramp = 0.2 * CELL_M * ROWS
     terrain = ramp.copy()

@@ -29,7 +29,7 @@ from rover_obstacle_detection.detection.regions import nearest_values, seed_regi
 from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
-from rover_obstacle_detection.detection.survey import OPENING_M, Terrain, survey
+from rover_obstacle_detection.detection.survey import Terrain, survey
 from rover_obstacle_detection.detection.terrain import (
     elevation_along,
     window_roughness,
@@ -57,6 +57,7 @@ OPTIONAL_STAGES = (
 REGION_REDUCTION = 4
 TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
+REACH_M = 0.35
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +212,7 @@ def complete_by_regions(
     if not unmatched.any():
         return near_rock, dark
     regions, is_seed = segments.regions, segments.is_seed
-    reach_px = OPENING_M / 2 * terrain.pixels_per_metre
+    reach_px = REACH_M * terrain.pixels_per_metre
     nearest = nearest_values(terrain.measured, rocks, regions, reach_px)
     near_rock[unmatched] = nearest[unmatched] & is_seed[regions[unmatched]]
     is_dark = dark_regions(stereo.pair[0], regions, is_seed, config.dark_grey_level)

@@ -76,7 +76,8 @@ def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
     far = np.float32(1e6)
     lowest = cv2.erode(np.where(present, height_m, far), kernel, borderType=cv2.BORDER_REPLICATE)
-    lowest = np.where(lowest >= far, -far, lowest)
+    # Behind a rock nothing is seen: a place there would know the rock alone, and call it ground.
+    lowest = np.where(present, lowest, -far)
     return np.asarray(cv2.dilate(lowest, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
 
 
