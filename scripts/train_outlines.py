@@ -64,7 +64,7 @@ EVIDENCE = PLANES.index('parallax evidence')
 class OutlineNet(nn.Module):
     """Halves the resolution three times and comes back; four logits for each 2 x 2 pixels."""
 
-    def __init__(self, fine: int = 12, middle: int = 20, coarse: int = 32) -> None:
+    def __init__(self, fine: int = 16, middle: int = 24, coarse: int = 48) -> None:
         super().__init__()
         self.down = nn.ModuleList(
             nn.Sequential(
