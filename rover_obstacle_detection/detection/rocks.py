@@ -173,37 +173,86 @@ def too_high(
     """
     smooth_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
     drawn = drawn | high_holes(drawn, smooth_m, HOLE_SHARE * config.max_step)
+    count, numbers, boxes, _ = cv2.connectedComponentsWithStats(
+        drawn.astype(np.uint8), connectivity=8
+    )
+    labels = np.asarray(numbers, np.int32)
     step_px = terrain.pixels_per_metre * np.float32(config.max_step)
+    parts = _Parts(
+        labels,
+        drawn,
+        pixels=np.asarray(boxes[:, cv2.CC_STAT_AREA], np.int32),
+        height_px=np.asarray(boxes[:, cv2.CC_STAT_HEIGHT], np.int32),
+        measured=_count(labels, drawn & terrain.measured, count),
+        blind=_count(labels, drawn & unmeasured, count),
+        step_px=_mean(labels, drawn, step_px, count),
+        likely=_mean(labels, drawn, probability, count),
+    )
+    high = _has_core(parts, smooth_m, terrain, step_px, config)
+    looks_high = _looks_high(parts, smooth_m, terrain, config)
+    high |= looks_high & (parts.step_px < SMALL_STEP_PX) & (parts.measured >= parts.pixels / 2)
+    by_sight = looks_high & ~high & (parts.blind > parts.pixels / 2)
+    high[0] = by_sight[0] = False
+    return high[labels], by_sight[labels]
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """The connected parts of a drawing, and what each shows, by its number; 0 is the rest."""
+
+    labels: NDArray[np.int32]
+    drawn: NDArray[np.bool_]
+    pixels: NDArray[np.int32]
+    height_px: NDArray[np.int32]
+    measured: NDArray[np.int64]
+    blind: NDArray[np.int64]
+    step_px: NDArray[np.float64]
+    likely: NDArray[np.float64]
+
+    def count(self, where: NDArray[np.bool_]) -> NDArray[np.int64]:
+        return _count(self.labels, self.drawn & where, len(self.pixels))
+
+
+def _count(labels: NDArray[np.int32], where: NDArray[np.bool_], count: int) -> NDArray[np.int64]:
+    return np.bincount(labels[where], minlength=count)
+
+
+def _mean(
+    labels: NDArray[np.int32], where: NDArray[np.bool_], values: NDArray[np.float32], count: int
+) -> NDArray[np.float64]:
+    inside = labels[where]
+    total = np.bincount(inside, weights=values[where], minlength=count)
+    return np.asarray(total / np.maximum(np.bincount(inside, minlength=count), 1))
+
+
+def _has_core(
+    parts: _Parts,
+    smooth_m: NDArray[np.float32],
+    terrain: Terrain,
+    step_px: NDArray[np.float32],
+    config: DetectorConfig,
+) -> NDArray[np.bool_]:
+    """Tell the parts that rise above step and noise somewhere, and stand up in good part."""
     seen_share = np.clip(step_px / FULL_STEP_PX, LEAST_SEEN_SHARE, 1)
     core_m = np.maximum(
         config.core_share * seen_share * config.max_step, config.core_noises * terrain.noise_m
     )
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(
-        drawn.astype(np.uint8), connectivity=8
-    )
-
-    def pixels(where: NDArray[np.bool_]) -> NDArray[np.int64]:
-        return np.bincount(labels[where], minlength=count)
-
-    measured, blind = pixels(drawn & terrain.measured), pixels(drawn & unmeasured)
     foot_m = min(FOOT_M, FOOT_SHARE * config.max_step)
-    stands = pixels(drawn & terrain.measured & (smooth_m > foot_m))
-    high = pixels(drawn & (smooth_m > core_m)) >= MIN_CORE_PIXELS
-    high &= stands >= STANDING_SHARE * measured
-    size = np.maximum(boxes[:, cv2.CC_STAT_AREA], 1)
-    inside = labels[drawn]
-    steps_px = np.bincount(inside, weights=step_px[drawn], minlength=count) / size
-    likely = np.bincount(inside, weights=probability[drawn], minlength=count) / size
-    sure = (likely >= SURE_PROBABILITY) & (boxes[:, cv2.CC_STAT_HEIGHT] >= steps_px)
-    apparent_m = config.max_step * boxes[:, cv2.CC_STAT_HEIGHT] / np.maximum(steps_px, 1e-3)
+    stands = parts.count(terrain.measured & (smooth_m > foot_m))
+    has_core = parts.count(smooth_m > core_m) >= MIN_CORE_PIXELS
+    return has_core & (stands >= STANDING_SHARE * parts.measured)
+
+
+def _looks_high(
+    parts: _Parts, smooth_m: NDArray[np.float32], terrain: Terrain, config: DetectorConfig
+) -> NDArray[np.bool_]:
+    """Tell the parts that surely look like rocks as large as the step, if stereo allows it."""
+    sure = (parts.likely >= SURE_PROBABILITY) & (parts.height_px >= parts.step_px)
+    apparent_m = config.max_step * parts.height_px / np.maximum(parts.step_px, 1e-3)
     least_m = np.maximum(LEAST_SEEN_SHARE * config.max_step, APPARENT_SHARE * apparent_m)
     most_m = smooth_m + POSSIBLE_NOISES * terrain.noise_m
-    as_high = pixels(drawn & terrain.measured & (most_m > least_m.astype(np.float32)[labels]))
-    sure &= as_high >= POSSIBLE_SHARE * measured
-    high |= sure & (steps_px < SMALL_STEP_PX) & (measured >= size / 2)
-    by_sight = sure & ~high & (blind > size / 2)
-    high[0] = by_sight[0] = False
-    return high[labels], by_sight[labels]
+    possible = terrain.measured & (most_m > least_m.astype(np.float32)[parts.labels])
+    return np.asarray(sure & (parts.count(possible) >= POSSIBLE_SHARE * parts.measured))
 
 
 def denied_parts(
