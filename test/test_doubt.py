@@ -18,7 +18,7 @@ def found(min_confidence):
     """A rock that the outline filter is sure of, and a speck of noisy, steep ground."""
     made = small_detection()
     mask, cues, noise = made.mask.copy(), made.cues.copy(), made.height_noise.copy()
-    mask[SPECK], cues[SPECK], noise[SPECK] = 255, Cue.SLOPE, 0.08
+    mask[SPECK], cues[SPECK], noise[SPECK] = 255, Cue.SLOPE, 0.2
     probability = np.full(mask.shape, np.nan, np.float32)
     probability[ROCK] = 0.99
     products = {'mask': mask, 'cues': cues, 'height_noise': noise, 'rock_probability': probability}

@@ -192,7 +192,7 @@ def test_region_in_the_dark_is_judged_by_its_grey_level():
     right = view.right.copy()
     right[90:150, 120:230] = generator.integers(0, 256, (60, 110))
     # With penalties as low as these no disparity is carried into the patch.
-    config = DetectorConfig(min_seed_points=100_000, P1=300.0, P2=1200.0)
+    config = DetectorConfig(min_seed_points=100_000, P1=100.0, P2=400.0)
     detector = Detector(scene.camera, config)
     inner = np.s_[94:146, 144:226]
     for level, dark in ((8, True), (200, False)):

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -195,7 +196,10 @@ def test_the_surer_an_obstacle_the_more_solid_its_box():
     mask = np.zeros(SHAPE, np.uint8)
     mask[6:8, 8:10] = 255
     mask[14:23, 8:24] = 255
-    seen = detection(mask=mask)
+    made = detection(mask=mask)
+    probability = np.where(np.arange(SHAPE[0])[:, np.newaxis] < 10, 0.5, 0.99)
+    products = {'rock_probability': np.broadcast_to(probability, SHAPE).astype(np.float32)}
+    seen = replace(made, products={**made.products, **products})
     large, small = seen.obstacles
     boxes = encode('obstacle_markers', seen).markers[1:3]
     assert large.confidence > small.confidence

@@ -39,7 +39,7 @@ UNMEASURED_PX = 9
 CERTAIN_SHARE = 1.5
 CERTAIN_NOISE_SHARE = 0.15
 CERTAIN_PIXELS = 40
-DRAWN_SHARE = 0.5
+DRAWN_SHARE = 0.9
 UPRIGHT_RATIO = 1.5
 
 
@@ -54,7 +54,7 @@ class Rocks:
     by_sight : ndarray of bool, shape (height, width)
         For its looks and its size in the image: there is no 3D.
     probability : ndarray of float32, shape (height, width)
-        Of the outline filter; NaN where it was not asked.
+        Of the outline filter; NaN where it was not asked, 1 where it may not deny.
     """
 
     high: NDArray[np.bool_]
@@ -110,9 +110,10 @@ def outlined_rocks(
             if 'parallax' in leave_out:
                 planes[PLANES.index('parallax evidence')] = 0
             probability = outline_model().probability(planes)
-            found.probability[window] = probability
             drawn = probability > config.outline_probability
-            drawn |= denied_parts(drawn, near, parts, config)
+            denied = denied_parts(drawn, near, parts, config)
+            drawn |= denied
+            found.probability[window] = np.where(denied, 1, probability)
         else:
             drawn = half_height_outlines(near, parts)
             probability = np.zeros(drawn.shape, np.float32)
