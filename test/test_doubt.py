@@ -1,4 +1,4 @@
-"""What is more likely no obstacle is taken back, and is not free either."""
+"""Specks of noisy ground are taken back, and are not free either; nothing else is."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import pytest
 from hand_made import small_detection
 
 from rover_obstacle_detection.detection.cue import Cue
+from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.hybrid import without_doubtful
 
-ROCK, SPECK = np.s_[32:44, 30:44], np.s_[4:8, 10:22]
+ROCK, SPECK, SLOPE = np.s_[32:44, 30:44], np.s_[12:14, 10:13], np.s_[2:10, 4:60]
 
 
-def found(min_confidence):
-    """A rock that the outline filter is sure of, and a speck of noisy, steep ground."""
+def found(min_confidence=0.9, where=SPECK, cue=Cue.SLOPE):
+    """A rock that the outline filter is sure of, and noisy ground that is too steep."""
     made = small_detection()
     mask, cues, noise = made.mask.copy(), made.cues.copy(), made.height_noise.copy()
-    mask[SPECK], cues[SPECK], noise[SPECK] = 255, Cue.SLOPE, 0.2
+    mask[where], noise[where] = 255, 0.07
+    cues[where] |= np.uint8(cue)
     probability = np.full(mask.shape, np.nan, np.float32)
     probability[ROCK] = 0.99
     products = {'mask': mask, 'cues': cues, 'height_noise': noise, 'rock_probability': probability}
@@ -26,10 +28,9 @@ def found(min_confidence):
     return replace(made, config=config, products={**made.products, **products})
 
 
-def test_the_doubtful_is_neither_obstacle_nor_free():
-    before = found(0.2)
-    assert before.confidence[ROCK].min() > 0.9
-    assert before.confidence[SPECK].max() < 0.2
+def test_a_doubtful_speck_is_neither_obstacle_nor_free():
+    before = found()
+    assert before.confidence[SPECK].max() < 0.9
     after = without_doubtful(before)
     assert len(after.obstacles) == 1
     assert (after.mask[ROCK] == 255).all()
@@ -42,9 +43,31 @@ def test_the_doubtful_is_neither_obstacle_nor_free():
     assert len(after.ground_points) == (before.mask[before.known] == 0).sum()
 
 
-@pytest.mark.parametrize(('min_confidence', 'left'), [(0.0, 2), (1.0, 0)])
-def test_how_sure_is_sure_enough_is_a_parameter(min_confidence, left):
-    before = found(min_confidence)
-    after = without_doubtful(before)
-    assert len(after.obstacles) == left
-    assert (after is before) == (left == 2)
+def test_how_sure_is_sure_enough_is_a_parameter():
+    before = found(min_confidence=0.0)
+    assert without_doubtful(before) is before
+
+
+@pytest.mark.parametrize(
+    ('where', 'cue'),
+    [
+        (SLOPE, Cue.SLOPE),
+        (SLOPE, Cue.DROP),
+        (SPECK, Cue.HEIGHT),
+        (SPECK, Cue.GREY_LEVEL),
+        (SPECK, Cue.ROUGHNESS_STEP),
+        (SPECK, Cue.SLOPE | Cue.HEIGHT),
+        (ROCK, Cue.SLOPE),
+    ],
+    ids=str,
+)
+def test_what_is_large_or_stands_up_is_never_doubted(where, cue):
+    before = found(1.0, where, cue)
+    assert without_doubtful(before) is before
+
+
+def test_a_detection_does_not_hold_on_to_the_one_that_it_came_of():
+    after = without_doubtful(found())
+    held = [cell.cell_contents for cell in after.products['known'].__closure__ or ()]
+    assert held
+    assert not any(isinstance(each, Detection) for each in held)

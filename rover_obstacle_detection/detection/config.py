@@ -214,8 +214,8 @@ class DetectorConfig:
 
     min_confidence: float = _parameter(
         0.2,
-        'Method hybrid: finds with less confidence than this are no obstacles, and their pixels '
-        'unknown.',
+        'Method hybrid: specks of steep or low ground with less confidence than this are no '
+        'obstacles, and their pixels unknown; 0: all are obstacles.',
         0.0,
         1.0,
     )

@@ -57,7 +57,10 @@ OPTIONAL_STAGES = (
 REGION_REDUCTION = 4
 TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
+# How far a rock's region may be completed, metres.
 REACH_M = 0.35
+# Of the image: less is a speck.
+SPECK_SHARE = 0.0025
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,18 +229,28 @@ def complete_by_regions(
 
 
 def without_doubtful(detection: Detection) -> Detection:
-    """Take back what is more likely no obstacle; it is not free either.
+    """Take back specks of ground too steep or low that are hardly one; they are not free either.
 
-    Most of it are specks of far ground that noise makes steep.
+    Noise makes far ground steep here and there. What stands up is never taken back, nor a large
+    slope, however noisy.
     """
-    doubtful = detection.mask == OBSTACLE
+    by_ground = np.uint8(Cue.SLOPE | Cue.DROP)
+    doubtful = (detection.cues > 0) & (detection.cues & ~by_ground == 0)
+    doubtful &= small_parts(doubtful, round(SPECK_SHARE * doubtful.size))
+    if not doubtful.any():
+        return detection
     doubtful &= detection.confidence < detection.config.min_confidence
     if not doubtful.any():
         return detection
+    judged = detection.products['known']
+
+    def known() -> NDArray[np.bool_]:
+        return np.asarray((judged() if callable(judged) else judged) & ~doubtful)
+
     products: dict[str, Product] = {
         'cues': np.where(doubtful, 0, detection.cues).astype(np.uint8),
         'mask': np.where(doubtful, FREE, detection.mask).astype(np.uint8),
-        'known': lambda: detection.known & ~doubtful,
+        'known': known,
     }
     return replace(detection, products={**detection.products, **products})
 

@@ -113,7 +113,8 @@ def outlined_rocks(
             drawn = probability > config.outline_probability
             denied = denied_parts(drawn, near, parts, config)
             drawn |= denied
-            found.probability[window] = np.where(denied, 1, probability)
+            seen = found.probability[window]
+            np.fmax(seen, np.where(denied, 1, probability), out=seen)
         else:
             drawn = half_height_outlines(near, parts)
             probability = np.zeros(drawn.shape, np.float32)

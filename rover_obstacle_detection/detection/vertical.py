@@ -62,9 +62,9 @@ def estimate_vertical(layers: Sequence[Layer], ground: GroundPlane) -> tuple[flo
     cells = _cells(layers)
     if len(cells) < 20:
         return ground.up
-    thinned = cells[::_THINNING]
+    thinned = cells[:: _THINNING if len(cells) > 500 else 1]
     bend = _mean_bend(thinned)
-    if bend.cost < _MAX_COST_SHARE * _fit(thinned, None, 1.0)[1] and bend.is_clear:
+    if bend.least_cost < _MAX_COST_SHARE * _fit(thinned, None, 1.0)[1] and bend.is_clear:
         before = np.array([bend.rise_right, bend.rise_before])
         turned = _turned(cells, bend.turn)
         first = np.quantile(turned[:, 1], _FIRST)
@@ -89,7 +89,7 @@ class _Bend:
     rise_right: float
     rise_before: float
     rise_beyond: float
-    cost: float
+    least_cost: float
 
     @property
     def is_clear(self) -> bool:
@@ -109,6 +109,7 @@ def _mean_bend(cells: Cells) -> _Bend:
     turn, best_m = min(product(_TURNS, hinges_m), key=cost)
     turned = _turned(cells, turn)
     around_m = best_m * (hinges_m[1] / hinges_m[0]) ** (np.arange(-_FINER, _FINER + 1) / _FINER)
+    around_m = np.unique(np.clip(around_m, first, last))
     rows = []
     for hinge_m, width_m in product(around_m, _BEND_WIDTHS_M):
         (_, right, near, further), fit_cost = _fit(turned, hinge_m, width_m)
