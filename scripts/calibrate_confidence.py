@@ -39,7 +39,7 @@ from rover_obstacle_detection.evaluation.reliability import (
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
 from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
 
-# The best Brier score of the tuning scenes as recorded, each by a fit to the others, of 0.1, 1, 3,
+# The best Brier score of the fitted scenes as recorded, each by a fit to the others, of 0.1, 1, 3,
 # 10, 30 and 100; from 0.1 to 30 it hardly matters.
 RIDGE = 10.0
 COEFFICIENTS_FILE = Path(str(confidence_coefficients.__file__))
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name, weight in zip(FEATURES, weights, strict=True):
         print(f'{name:24}{weight:9.4f}')
     scenes = len({each.scene for each in samples})
-    fitted = f'{options.method}, {scenes} tuning scenes'
+    fitted = f'{options.method}, {scenes} fitted scenes'
     show(f'{fitted}, with all variations', judged(samples, weights))
     recorded = [each for each in samples if each.variation in AS_RECORDED]
     show(f'{fitted}, as recorded', judged(recorded, weights))

@@ -300,6 +300,9 @@ def test_a_post_is_an_obstacle_though_no_rock_looks_like_that(width):
     )
     found, view = detect(scene)
     assert flagged(found, view.obstacle) > 0.5
+    # It is certain by its height: no doubt of the filter counts.
+    assert (found.rock_probability[view.obstacle] == 1).any()
+    assert found.obstacles[0].confidence > 0.9
     free = view.obstacle & found.known & (found.mask == 0) & (found.height > 0.25)
     assert np.count_nonzero(free) < 0.1 * np.count_nonzero(view.obstacle)
 

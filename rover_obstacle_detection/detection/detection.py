@@ -113,7 +113,7 @@ class Detection:
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
-        """Pixels that a cue could judge: unknown is not free."""
+        """Pixels that a cue could judge, less what was taken back: unknown is not free."""
         return self._product('known')
 
     @cached_property
