@@ -149,7 +149,7 @@ def test_recordings_in_tables_out(script, tmp_path, monkeypatch, capsys):
     script.main([*map(str, bags), '--write'])
 
     output = capsys.readouterr()
-    assert 'hybrid, 1 tuning scenes, with all variations' in output.out
+    assert 'hybrid, 1 fitted scenes, with all variations' in output.out
     assert 'hybrid, 1 reported scenes' in output.out
     assert output.out.count('| 0.9 to 1 |') == 4
     assert 'tune_broken' in output.err
