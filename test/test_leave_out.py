@@ -54,8 +54,10 @@ def test_each_stage_may_be_left_out(stage):
 )
 def test_what_is_left_out_makes_no_obstacle(stage, cue):
     scene, pair, config = seen_by(cue)
-    whole = Detector(scene.camera, config).detect(*pair, gravity=scene.gravity)
-    part = Detector(scene.camera, config, leave_out=frozenset({stage}))
+    # What the filter judges without 3D has the cue of the grey level too.
+    apart = frozenset({'sight'})
+    whole = Detector(scene.camera, config, leave_out=apart).detect(*pair, gravity=scene.gravity)
+    part = Detector(scene.camera, config, leave_out=apart | {stage})
     found = part.detect(*pair, gravity=scene.gravity)
     assert (whole.cues & cue).any()
     np.testing.assert_array_equal(found.cues, whole.cues & ~np.uint8(cue))
