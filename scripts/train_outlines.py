@@ -6,9 +6,10 @@
 Trains on the scenes of the suite `training` (rendered if need be) but some that it holds out, and
 reports on those and on the scenes ``tune_*`` of the standard suite; those named ``report_*`` it
 never reads. Needs PyTorch, the package needs only the file that comes out of it. On two cores that
-takes half an hour or more, once the scenes are there. The weights that are shipped came of three
-such runs (`--start`), each begun from the last one's weights as scenes and variation were added: a
-run from the beginning gives others.
+takes half an hour or more, once the scenes are there. The weights that are shipped came of six
+such runs, each begun from the last one's weights (`--start`) as scenes and variation were added;
+before the last three channels were added to a narrower network, with small random weights. A run
+from the beginning gives others.
 """
 
 from __future__ import annotations

@@ -45,6 +45,7 @@ SPACING_PX = 2
 MAX_DIFFERENCE_PX = 4.0
 # A change of grey level that no outline shows up in.
 FAINT_LEVELS = 0.2
+# Noise, over the step, below which less makes no slope surer.
 LEAST_NOISE_SHARE = 0.05
 # The outline filter is never quite sure.
 SUREST = 0.99

@@ -23,6 +23,7 @@ _FIRST = 0.02
 _HINGES = 7
 _TURNS = tuple(math.radians(turn) for turn in (-30, -15, 0, 15, 30))
 _THINNING = 4
+_FEW = 500
 _BEND_WIDTH_M = 0.15
 _BEND_WIDTHS_M = (0.05, 0.15, 0.3, 0.5)
 _FINER = 3
@@ -62,7 +63,7 @@ def estimate_vertical(layers: Sequence[Layer], ground: GroundPlane) -> tuple[flo
     cells = _cells(layers)
     if len(cells) < 20:
         return ground.up
-    thinned = cells[:: _THINNING if len(cells) > 500 else 1]
+    thinned = cells[:: _THINNING if len(cells) > _FEW else 1]
     bend = _mean_bend(thinned)
     if bend.least_cost < _MAX_COST_SHARE * _fit(thinned, None, 1.0)[1] and bend.is_clear:
         before = np.array([bend.rise_right, bend.rise_before])
