@@ -11,7 +11,6 @@ from rover_obstacle_detection.detection.elevation_map import map_positions
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
 from rover_obstacle_detection.detection.hazards import (
     impassable_ground,
-    relief_at_rover_scale,
     rough_ground,
     standing_parts,
 )
@@ -215,32 +214,6 @@ def test_pit_must_be_deeper_than_noise():
     assert not impassable(pit, noise_px=0.4)[1].any()
 
 
-def cells_of(height, noise_px=0.02):
-    found, *_ = EYE.survey(height, noise_px)
-    return found.layers[0]
-
-
-def test_relief_of_quiet_ground_is_smoothed_a_little():
-    layer = cells_of(bank(26, 2.0))
-    relief_m = relief_at_rover_scale(layer, np.zeros(layer.ground_m.shape, np.float32))
-    assert relief_m.dtype == np.float32
-    inner = np.s_[6:-6, 6:-6]
-    np.testing.assert_allclose(relief_m[inner], layer.ground_m[inner], atol=0.02)
-
-
-def test_relief_of_noisy_ground_is_smoothed_wide():
-    layer = cells_of(flat)
-    waves = 0.05 * np.sin(np.arange(layer.ground_m.shape[0]) * 0.04 * 2 * np.pi / 0.8)
-    layer.ground_m[:] = waves[:, np.newaxis]
-    spreads = []
-    for noise in (0.0, 0.02, 0.05, 0.2):
-        noise_m = np.full(layer.ground_m.shape, noise, np.float32)
-        spreads.append(relief_at_rover_scale(layer, noise_m)[20:-20, 20:-20].std())
-    assert spreads == sorted(spreads, reverse=True)
-    assert spreads[0] > 0.8 * waves.std()
-    assert spreads[-1] < 0.06 * waves.std()
-
-
 def rough(heights_m, *, noise_m=0.001, rocks=None, **config):
     height_m = np.asarray(heights_m, np.float32)
     across, along = np.meshgrid(np.arange(height_m.shape[1]), np.arange(height_m.shape[0]))
@@ -250,13 +223,16 @@ def rough(heights_m, *, noise_m=0.001, rocks=None, **config):
         np.ones(height_m.shape, bool),
         0.04,
     )
-    flat = np.zeros(positions.shape, np.float32)
+    level = np.zeros(positions.shape, np.float32)
     layer = Layer(
         slice(0, len(height_m)),
         positions,
-        flat,
-        np.ones(positions.shape, bool),
-        np.ones(height_m.shape, bool),
+        mean_m=level,
+        information=level + 1,
+        is_ground=np.ones(positions.shape, bool),
+        ground_m=level,
+        seen=np.ones(positions.shape, bool),
+        pixels=np.ones(height_m.shape, bool),
     )
     terrain = Terrain(
         height_m,

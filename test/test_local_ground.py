@@ -13,9 +13,9 @@ SCALES = {'opening_m': 0.8, 'trend_m': 0.4, 'smoothing_m': 0.08, 'tolerance_m': 
 
 def ground_under(height, weight=None):
     weight = np.ones(SHAPE) if weight is None else weight
-    found = local_ground(
-        np.asarray(height, np.float32), np.asarray(weight, np.float32), CELL_M, **SCALES
-    )
+    weight = np.asarray(weight, np.float32)
+    found, trust = local_ground(np.asarray(height, np.float32), weight, CELL_M, **SCALES)
+    assert ((trust == weight) | (trust == 0)).all()
     assert found.dtype == np.float32
     assert found.shape == SHAPE
     assert np.isfinite(found).all()
@@ -40,6 +40,16 @@ def test_slope_is_followed_to_the_edge(rise, along):
     found = ground_under(ramp)
     np.testing.assert_allclose(found[5:-5, 5:-5], ramp[5:-5, 5:-5], atol=0.01)
     np.testing.assert_allclose(found, ramp, atol=0.02)
+
+
+def test_ground_is_told_from_what_stands_on_it_and_its_foot():
+    terrain = np.zeros(SHAPE)
+    terrain[40:50, 40:50] = 0.3
+    weight = np.ones(SHAPE, np.float32)
+    _, trust = local_ground(terrain.astype(np.float32), weight, CELL_M, **SCALES)
+    assert not trust[39:51, 39:51].any()
+    assert trust[:37].all()
+    assert trust[53:].all()
 
 
 @pytest.mark.parametrize(('size_m', 'height'), [(0.2, 0.15), (0.4, 0.3), (0.6, 0.5)])
@@ -104,7 +114,7 @@ def test_nothing_seen_is_flat():
 
 @pytest.mark.parametrize('shape', [(1, 1), (2, 30), (30, 2)])
 def test_tiny_maps(shape):
-    found = local_ground(
+    found, _ = local_ground(
         np.full(shape, 0.1, np.float32), np.ones(shape, np.float32), CELL_M, **SCALES
     )
     assert found.shape == shape

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.relief import Rise
 from rover_obstacle_detection.detection.slope import dropped_cells, level_heights, steep_cells
 
 CELL_M = 0.05
@@ -29,8 +30,13 @@ def ramp(angle_deg, towards_deg=0.0):
     return (rise * (math.cos(towards) * ROWS + math.sin(towards) * COLUMNS)).astype(np.float32)
 
 
-def steep(relief, plane, limit=20.0):
-    found = steep_cells(relief, CELL_M, plane, limit)
+def rise_of(relief, noise=0.0):
+    forward, right = np.gradient(np.asarray(relief, np.float32), CELL_M)
+    return Rise(right, forward, np.full(relief.shape, noise, np.float32))
+
+
+def steep(relief, plane, limit=20.0, noise=0.0):
+    found = steep_cells(rise_of(relief, noise), plane, limit)
     assert found.dtype == np.bool_
     assert found.shape == relief.shape
     inner = found[INNER]
@@ -84,10 +90,15 @@ def test_limit_is_the_rovers(limit, expected):
     assert steep(ramp(13), ground(), limit) == expected
 
 
+def test_rise_that_may_be_anything_is_no_slope():
+    assert steep(ramp(30), ground(), noise=0.2)
+    assert not steep(ramp(30), ground(), noise=0.5)
+
+
 def steep_rows(*angles_deg, rows_each=20):
     rise = np.repeat(np.tan(np.radians(angles_deg)), rows_each) * CELL_M
     relief = np.broadcast_to(np.cumsum(rise)[:, np.newaxis], (len(rise), 30))
-    found = steep_cells(relief.astype(np.float32), CELL_M, ground(), 20.0)
+    found = steep_cells(rise_of(relief), ground(), 20.0)
     return found[1:-1, 15]
 
 

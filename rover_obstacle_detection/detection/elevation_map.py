@@ -134,9 +134,7 @@ def cell_means(
     """
     inside = weights > 0
     rows, columns = positions.shape
-    cell = (positions.row[inside] + 0.5).astype(np.intp)
-    cell *= columns
-    cell += (positions.column[inside] + 0.5).astype(np.intp)
+    cell = _cells(inside, positions)
     weight = weights[inside]
     total = np.bincount(cell, weights=weight, minlength=rows * columns)
     summed = np.bincount(cell, weights=weight * values[inside], minlength=rows * columns)
@@ -145,6 +143,16 @@ def cell_means(
         mean.astype(np.float32).reshape(rows, columns),
         total.astype(np.float32).reshape(rows, columns),
     )
+
+
+def cell_sums(values: NDArray[np.float32], positions: MapPositions) -> Grid:
+    """Sum of the pixels in each cell, of those over 0."""
+    inside = values > 0
+    rows, columns = positions.shape
+    total = np.bincount(
+        _cells(inside, positions), weights=values[inside], minlength=rows * columns
+    )
+    return total.astype(np.float32).reshape(rows, columns)
 
 
 def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
@@ -156,6 +164,14 @@ def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
         ),
         np.float32,
     )  # fmt: skip
+
+
+def _cells(inside: NDArray[np.bool_], positions: MapPositions) -> NDArray[np.intp]:
+    """Give the number of the cell in which each of the pixels lies, row by row."""
+    cell = (positions.row[inside] + 0.5).astype(np.intp)
+    cell *= positions.shape[1]
+    cell += (positions.column[inside] + 0.5).astype(np.intp)
+    return cell
 
 
 def _extent(cells: NDArray[np.float32], usable: NDArray[np.bool_]) -> tuple[int, int]:

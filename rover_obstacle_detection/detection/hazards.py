@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -11,11 +10,12 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.clearance import top_heights
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.elevation_map import Grid, cell_means, sample_map
+from rover_obstacle_detection.detection.elevation_map import cell_means, sample_map
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.local_ground import smoothed
+from rover_obstacle_detection.detection.relief import ground_height, ground_rise
 from rover_obstacle_detection.detection.slope import dropped_cells, level_heights, steep_cells
-from rover_obstacle_detection.detection.survey import SMOOTHING_M, Layer, Terrain
+from rover_obstacle_detection.detection.survey import Terrain
 
 # Rocks: what may be one, so that its outline is worth looking at.
 FOOT_M = 0.02
@@ -26,15 +26,12 @@ STANDING_NOISES = 2.5
 MIN_CORE_PIXELS = 3
 TOP_SHARE = 0.1
 
-RELIEF_M = 0.10
-WIDE_RELIEF_M = (0.20, 0.50)
-SLOPE_NOISE_DEG = 3.0
 # Noise over so much of the step hides an obstacle.
 KNOWN_SHARE = 0.5
 # Slope and drop are of many pixels' mean: they stand more noise in each.
-GROUND_KNOWN_SHARE = 0.8
+GROUND_KNOWN_SHARE = 1.5
 DROP_SURROUNDINGS_M = 1.8
-DROP_NOISES = 1.5
+DROP_NOISES = 3.0
 ROUGHNESS_M = 0.25
 
 
@@ -95,13 +92,12 @@ def impassable_ground(
     steep = np.zeros(terrain.height_m.shape, np.bool_)
     dropped = np.zeros_like(steep)
     for layer in terrain.layers:
-        noise_m = _cell_noise(layer, terrain)
-        relief_m = relief_at_rover_scale(layer, noise_m)
         cell_m = layer.positions.cell_m
-        in_steep = steep_cells(relief_m, cell_m, ground, config.max_slope)
+        in_steep = steep_cells(ground_rise(layer), ground, config.max_slope)
+        height_m, noise_m = ground_height(layer)
         depth_m = config.max_step + DROP_NOISES * noise_m
         in_dropped = dropped_cells(
-            level_heights(relief_m, cell_m, ground),
+            level_heights(height_m, cell_m, ground),
             layer.seen,
             cell_m,
             DROP_SURROUNDINGS_M,
@@ -150,45 +146,3 @@ def rough_ground(
             inside = sample_map(cells.astype(np.float32), layer.positions) > 0.5
             rough[layer.rows] |= inside & layer.pixels
     return rough & usable
-
-
-def relief_at_rover_scale(layer: Layer, noise_m: Grid) -> Grid:
-    """Smooth the ground to what a rover feels, and wider where noise would look like a slope.
-
-    Notes
-    -----
-    Smoothed over a standard deviation s, noise that neighbouring cells share tilts the ground by
-    about its own size over 2 s.
-    """
-    cell_m = layer.positions.cell_m
-    own_m = max(SMOOTHING_M, 1.2 * cell_m)
-    limit = math.tan(math.radians(SLOPE_NOISE_DEG))
-    needed_m = noise_m / (2 * limit)
-    relief_m = _mean(
-        layer.ground_m, max((RELIEF_M**2 - own_m**2), (0.6 * cell_m) ** 2) ** 0.5 / cell_m
-    )
-    narrow_m = RELIEF_M
-    for wide_m in WIDE_RELIEF_M:
-        share = np.clip((needed_m - narrow_m) / (wide_m - narrow_m), 0, 1)
-        if share.any():
-            sigma = max(wide_m**2 - own_m**2, cell_m**2) ** 0.5 / cell_m
-            relief_m += share * (_mean(layer.ground_m, sigma) - relief_m)
-        narrow_m = wide_m
-    return np.asarray(relief_m, np.float32)
-
-
-def _mean(image: Grid, sigma_cells: float) -> Grid:
-    # The map goes on as it ends: fading to zero would tilt the ground right before the rover.
-    return np.asarray(
-        cv2.GaussianBlur(image, (0, 0), sigma_cells, borderType=cv2.BORDER_REPLICATE), np.float32
-    )
-
-
-def _cell_noise(layer: Layer, terrain: Terrain) -> Grid:
-    """Noise of the heights in each cell, metres; of the nearest seen cells in empty ones."""
-    noise_m = terrain.noise_m[layer.rows]
-    known = (layer.pixels & np.isfinite(noise_m)).astype(np.float32)
-    mean_m, weight = cell_means(np.where(known > 0, noise_m, 0), known, layer.positions)
-    present = (weight > 0).astype(np.float32)
-    spread = smoothed(present, 3.0)
-    return np.asarray(smoothed(mean_m * present, 3.0) / np.maximum(spread, 1e-6), np.float32)

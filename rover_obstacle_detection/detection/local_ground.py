@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.local_regression import local_planes
 
 Grid = NDArray[np.float32]
 
@@ -20,7 +20,7 @@ def local_ground(
     trend_m: float,
     smoothing_m: float,
     tolerance_m: float,
-) -> Grid:
+) -> tuple[Grid, Grid]:
     """Estimate the ground under and between the obstacles.
 
     Parameters
@@ -42,9 +42,11 @@ def local_ground(
 
     Returns
     -------
-    ndarray of float32, shape (rows, columns)
+    ground_m : ndarray of float32, shape (rows, columns)
         Height of the ground over the plane, metres, everywhere: empty cells take the trend of
         those around them.
+    trust : ndarray of float32, shape (rows, columns)
+        ``weight`` of the cells that show the ground; 0 in the others.
 
     Notes
     -----
@@ -59,10 +61,10 @@ def local_ground(
     for _ in range(2):
         near = _without_feet(near, present)
         trusted = np.where(near, weight, 0).astype(np.float32)
-        trend = _regress(height_m, trusted, trend_m / cell_m)
+        trend = local_planes(height_m, trusted, trend_m / cell_m).height
         ground = _follow(height_m, trusted, trend, smoothing_m / cell_m)
         near = present & (height_m - ground < tolerance_m * 0.6)
-    return ground
+    return ground, trusted
 
 
 def _without_feet(near: NDArray[np.bool_], present: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -94,51 +96,3 @@ def _follow(height_m: Grid, weight: Grid, trend: Grid, sigma_cells: float) -> Gr
     total = smoothed(weight, sigma_cells)
     floor = np.float32(1e-3) * np.float32(max(float(weight.mean()), 1e-9))
     return trend + deviation / (total + floor)
-
-
-def _regress(height_m: Grid, weight: Grid, sigma_cells: float) -> Grid:
-    """Local linear regression with Gaussian weights, on a grid coarse enough for its width."""
-    reduction = max(1, math.floor(sigma_cells / 3))
-    rows, columns = height_m.shape
-    small = max(1, columns // reduction), max(1, rows // reduction)
-    if reduction > 1:
-        mass = cv2.resize(weight, small, interpolation=cv2.INTER_AREA)
-        moment = cv2.resize(weight * height_m, small, interpolation=cv2.INTER_AREA)
-    else:
-        mass, moment = weight, weight * height_m
-    sigma = sigma_cells * small[0] / columns
-    value = _local_line(np.asarray(moment, np.float32), np.asarray(mass, np.float32), sigma)
-    if reduction > 1:
-        wide = cv2.resize(value, (columns, rows), interpolation=cv2.INTER_LINEAR)
-        return np.asarray(wide, np.float32)
-    return np.asarray(value, np.float32)
-
-
-def _local_line(moment: Grid, mass: Grid, sigma: float) -> Grid:
-    radius = max(1, math.ceil(3.5 * sigma))
-    offsets = np.arange(-radius, radius + 1, dtype=np.float32)
-    bell = np.exp(-0.5 * (offsets / sigma) ** 2)
-
-    def blurred(image: Grid, u_power: int, v_power: int) -> Grid:
-        return np.asarray(
-            cv2.sepFilter2D(
-                image, cv2.CV_32F, bell * offsets**u_power, bell * offsets**v_power,
-                borderType=cv2.BORDER_CONSTANT,
-            ),
-            np.float32,
-        )  # fmt: skip
-
-    n, u, v = blurred(mass, 0, 0), blurred(mass, 1, 0), blurred(mass, 0, 1)
-    uu, uv, vv = blurred(mass, 2, 0), blurred(mass, 1, 1), blurred(mass, 0, 2)
-    h, uh, vh = blurred(moment, 0, 0), blurred(moment, 1, 0), blurred(moment, 0, 1)
-    n = np.maximum(n, 1e-9)
-    mean_u, mean_v, mean_h = u / n, v / n, h / n
-    # A ridge of a fraction of the window keeps the slope tame where cells lie on a line.
-    ridge = 0.02 * sigma**2
-    cuu, cvv = uu / n - mean_u**2 + ridge, vv / n - mean_v**2 + ridge
-    cuv = uv / n - mean_u * mean_v
-    cuh, cvh = uh / n - mean_u * mean_h, vh / n - mean_v * mean_h
-    determinant = np.maximum(cuu * cvv - cuv**2, 1e-9)
-    slope_u = (cuh * cvv - cvh * cuv) / determinant
-    slope_v = (cvh * cuu - cuh * cuv) / determinant
-    return np.asarray(mean_h - slope_u * mean_u - slope_v * mean_v, np.float32)

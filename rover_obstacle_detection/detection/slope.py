@@ -10,22 +10,19 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.elevation_map import Grid, ground_axes
 from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.relief import Rise
 
 LOST_SLOPE_DEG = 1.5
 STEEP_SHARE = 0.4
 
 
-def steep_cells(
-    relief_m: Grid, cell_m: float, ground: GroundPlane, max_slope_deg: float
-) -> NDArray[np.bool_]:
+def steep_cells(rise: Rise, ground: GroundPlane, max_slope_deg: float) -> NDArray[np.bool_]:
     """Find the cells whose slope against the horizontal is more than the rover climbs.
 
     Parameters
     ----------
-    relief_m : ndarray of float32, shape (rows, columns)
-        Height of the ground over the plane, smooth at rover scale, metres.
-    cell_m : float
-        Side of a cell, metres.
+    rise : Rise
+        Of the ground over the plane, at rover scale.
     ground : GroundPlane
         The plane, and the vertical against which slope counts.
     max_slope_deg : float
@@ -33,21 +30,22 @@ def steep_cells(
     Notes
     -----
     Smoothing takes a degree or two off a slope where it begins and ends: what is connected and
-    hardly less steep belongs to it, if a good part of the whole is steep enough.
+    hardly less steep belongs to it, if a good part of the whole is steep enough. A rise of which
+    no more is known than that it may be anything is none.
     """
     right, forward = ground_axes(ground)
     up, normal = np.asarray(ground.up), np.asarray(ground.normal)
-    rise_right = cv2.Sobel(relief_m, cv2.CV_32F, 1, 0, ksize=3, scale=1 / (8 * cell_m))
-    rise_forward = cv2.Sobel(relief_m, cv2.CV_32F, 0, 1, ksize=3, scale=1 / (8 * cell_m))
-    # The surface normal in the plane's axes is (-rise_right, -rise_forward, 1).
+    # The surface normal in the plane's axes is (-rise.right, -rise.forward, 1).
     upward = (
-        float(normal @ up) - float(right @ up) * rise_right - float(forward @ up) * rise_forward
+        float(normal @ up) - float(right @ up) * rise.right - float(forward @ up) * rise.forward
     )
-    length = np.sqrt(1 + rise_right * rise_right + rise_forward * rise_forward)
-    steep = upward < math.cos(math.radians(max_slope_deg)) * length
+    length = np.sqrt(1 + rise.right * rise.right + rise.forward * rise.forward)
+    known = rise.noise < math.tan(math.radians(max_slope_deg))
+    steep = (upward < math.cos(math.radians(max_slope_deg)) * length) & known
     if not steep.any():
         return np.asarray(steep)
-    nearly = upward < math.cos(math.radians(max(max_slope_deg - LOST_SLOPE_DEG, 0))) * length
+    less = math.radians(max(max_slope_deg - LOST_SLOPE_DEG, 0))
+    nearly = (upward < math.cos(less) * length) & known
     count, labels = cv2.connectedComponents(nearly.astype(np.uint8), connectivity=8)
     whole = np.bincount(labels.ravel(), minlength=count)
     part = np.bincount(labels[steep], minlength=count)

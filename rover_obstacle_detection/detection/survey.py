@@ -15,6 +15,7 @@ from rover_obstacle_detection.detection.elevation_map import (
     Grid,
     MapPositions,
     cell_means,
+    cell_sums,
     map_positions,
     plane_coordinates,
     sample_map,
@@ -33,6 +34,7 @@ OPENING_M = 0.7
 TREND_M = 0.4
 SMOOTHING_M = 0.08
 WITHIN_CELL_M = 0.03
+LEAST_NOISE_M = 0.005
 GROUND_SHARE = 0.5
 
 # A layer ends where two image rows lie a cell and a half apart, and sees a little beyond.
@@ -51,6 +53,12 @@ class Layer:
         Rows of the image that it needs.
     positions : MapPositions
         Of the pixels in those rows that made it, some beyond its span.
+    mean_m : ndarray of float32, shape of the map
+        Mean height of each cell's pixels over the plane, metres.
+    information : ndarray of float32, shape of the map
+        What is known of a cell's height: sum over its pixels of 1 / variance, per square metre.
+    is_ground : ndarray of bool, shape of the map
+        Seen cells that show the ground, and nothing that stands on it.
     ground_m : ndarray of float32, shape of the map
         Height of the ground over the plane, metres.
     seen : ndarray of bool, shape of the map
@@ -60,6 +68,9 @@ class Layer:
 
     rows: slice
     positions: MapPositions
+    mean_m: Grid
+    information: Grid
+    is_ground: NDArray[np.bool_]
     ground_m: Grid
     seen: NDArray[np.bool_]
     pixels: NDArray[np.bool_]
@@ -156,6 +167,7 @@ class _Points:
     across_m: Image
     along_m: Image
     trust: Image
+    information: Image
 
 
 def _points(
@@ -184,7 +196,9 @@ def _points(
     ground_like = in_range & (over_plane_m <= rise * along_m + config.max_step)
     relief = np.float32(WITHIN_CELL_M**2)
     trust = np.where(ground_like, relief / (relief + noise_m * noise_m), 0).astype(np.float32)
-    return _Points(in_range, over_plane_m, across_m, along_m, trust), noise_m
+    variance = noise_m * noise_m + np.float32(LEAST_NOISE_M**2)
+    information = np.reciprocal(variance).astype(np.float32)
+    return _Points(in_range, over_plane_m, across_m, along_m, trust, information), noise_m
 
 
 def _map_layer(
@@ -202,7 +216,7 @@ def _map_layer(
     positions = map_positions(points.across_m[rows], along_m, usable, cell_m)
     trust = points.trust[rows] * usable
     mean_m, weight = cell_means(points.over_plane_m[rows], trust, positions)
-    ground_m = local_ground(
+    ground_m, trusted = local_ground(
         mean_m,
         weight,
         cell_m,
@@ -211,7 +225,8 @@ def _map_layer(
         smoothing_m=max(SMOOTHING_M, 1.2 * cell_m),
         tolerance_m=GROUND_SHARE * config.max_step,
     )
-    return Layer(rows, positions, ground_m, weight > 0, pixels)
+    information = cell_sums(points.information[rows] * (trust > 0), positions)
+    return Layer(rows, positions, mean_m, information, trusted > 0, ground_m, weight > 0, pixels)
 
 
 def rows_with(pixels: NDArray[np.bool_]) -> slice:

@@ -1,0 +1,124 @@
+"""Planes fitted around every cell of a map, the nearer cells the more."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Grid = NDArray[np.float32]
+
+# A reduced grid still has so many cells in a standard deviation.
+_FINE_ENOUGH = 3
+_REACH = 3.5
+_LEAST = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class LocalPlanes:
+    """The plane around each cell of a map, by weighted least squares.
+
+    Parameters
+    ----------
+    height : ndarray of float32, shape (rows, columns)
+        Of the plane, over the cell.
+    rise_along_columns, rise_along_rows : ndarray of float32, shape (rows, columns)
+        From one column, or row, to the next.
+    weight : ndarray of float32, shape (rows, columns)
+        Gaussian sum of the weights around.
+    spread : ndarray of float32, shape (rows, columns)
+        Standard deviation of the places with weight in the direction in which they spread the
+        least, cells: 0 where they lie on a line, which tells no rise across it.
+    """
+
+    height: Grid
+    rise_along_columns: Grid
+    rise_along_rows: Grid
+    weight: Grid
+    spread: Grid
+
+
+def local_planes(
+    height: Grid, weight: Grid, sigma_cells: float, *, ridge: float = 0.02
+) -> LocalPlanes:
+    """Fit a plane around each cell, with Gaussian weights.
+
+    Parameters
+    ----------
+    height : ndarray of float32, shape (rows, columns)
+    weight : ndarray of float32, shape (rows, columns)
+        Trust in each cell; 0 where it is empty.
+    sigma_cells : float
+        Standard deviation of the Gaussian, cells.
+    ridge : float
+        Keeps planes tame where cells lie on a line: a share of the Gaussian's variance.
+
+    Returns
+    -------
+    LocalPlanes
+
+    Notes
+    -----
+    Local linear regression (Fan and Gijbels 1996). Where all cells have weight its rise is that
+    of the map smoothed by the same Gaussian; unlike that it is right at the edge of what is seen.
+    A wide Gaussian runs on a grid coarse enough for its width.
+    """
+    reduction = max(1, math.floor(sigma_cells / _FINE_ENOUGH))
+    moment = weight * height
+    if reduction == 1:
+        return _planes(moment, weight, sigma_cells, ridge)
+    rows, columns = height.shape
+    small = max(1, columns // reduction), max(1, rows // reduction)
+    mass, moment = (
+        np.asarray(cv2.resize(grid, small, interpolation=cv2.INTER_AREA), np.float32)
+        for grid in (weight, moment)
+    )
+    coarse_columns, coarse_rows = columns / small[0], rows / small[1]
+    planes = _planes(moment, mass, sigma_cells / coarse_columns, ridge)
+
+    def finer(grid: Grid, scale: float = 1.0) -> Grid:
+        wide = cv2.resize(grid, (columns, rows), interpolation=cv2.INTER_LINEAR)
+        return np.asarray(wide * np.float32(scale), np.float32)
+
+    return LocalPlanes(
+        height=finer(planes.height),
+        rise_along_columns=finer(planes.rise_along_columns, 1 / coarse_columns),
+        rise_along_rows=finer(planes.rise_along_rows, 1 / coarse_rows),
+        weight=finer(planes.weight, coarse_columns * coarse_rows),
+        spread=finer(planes.spread, min(coarse_columns, coarse_rows)),
+    )
+
+
+def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float) -> LocalPlanes:
+    radius = max(1, math.ceil(_REACH * sigma))
+    offsets = np.arange(-radius, radius + 1, dtype=np.float32)
+    bell = np.exp(-0.5 * (offsets / np.float32(sigma)) ** 2)
+
+    def blurred(image: Grid, u_power: int, v_power: int) -> Grid:
+        return np.asarray(
+            cv2.sepFilter2D(
+                image, cv2.CV_32F, bell * offsets**u_power, bell * offsets**v_power,
+                borderType=cv2.BORDER_CONSTANT,
+            ),
+            np.float32,
+        )  # fmt: skip
+
+    n, u, v = blurred(mass, 0, 0), blurred(mass, 1, 0), blurred(mass, 0, 1)
+    uu, uv, vv = blurred(mass, 2, 0), blurred(mass, 1, 1), blurred(mass, 0, 2)
+    h, uh, vh = blurred(moment, 0, 0), blurred(moment, 1, 0), blurred(moment, 0, 1)
+    n = np.maximum(n, np.float32(_LEAST))
+    mean_u, mean_v, mean_h = u / n, v / n, h / n
+    added = np.float32(ridge * sigma**2)
+    cuu, cvv = uu / n - mean_u**2 + added, vv / n - mean_v**2 + added
+    cuv = uv / n - mean_u * mean_v
+    cuh, cvh = uh / n - mean_u * mean_h, vh / n - mean_v * mean_h
+    determinant = np.maximum(cuu * cvv - cuv**2, np.float32(_LEAST))
+    rise_u = np.asarray((cuh * cvv - cvh * cuv) / determinant, np.float32)
+    rise_v = np.asarray((cvh * cuu - cuh * cuv) / determinant, np.float32)
+    half, difference = (cuu + cvv) / 2, (cuu - cvv) / 2
+    least = np.maximum(half - np.hypot(difference, cuv) - added, 0)
+    height = mean_h - rise_u * mean_u - rise_v * mean_v
+    return LocalPlanes(height, rise_u, rise_v, n, np.asarray(np.sqrt(least), np.float32))
