@@ -124,11 +124,22 @@ def test_nothing_matched_at_all():
 
 
 @pytest.mark.parametrize('level', [0, 128])
-def test_without_texture_disparity_stays_and_is_as_noisy_as_the_matching(level):
+def test_without_texture_disparity_stays_and_may_be_a_pixel_off(level):
     image = np.full(CAMERA.shape, level, np.uint8)
     found, noise_px = refined((image, image))
     np.testing.assert_array_equal(found, whole_pixels())
-    np.testing.assert_allclose(noise_px, np.hypot(0.25, 0.05), rtol=1e-4)
+    np.testing.assert_allclose(noise_px, np.hypot(0.42 * 2.5, 0.10), rtol=1e-4)
+
+
+def test_the_farther_texture_the_noisier():
+    pair = [eye.copy() for eye in waves.stereo_pair(CAMERA, PLANE, noise=1.0)]
+    generator = np.random.default_rng(3)
+    for eye in pair:
+        shadow = generator.normal(8, 1, (90, 120))
+        eye[60:150, 80:200] = waves.as_image(shadow)
+    _, noise_px = refined(tuple(pair), PLANE.disparity(CAMERA))
+    beside, edge, middle = noise_px[30, 140], noise_px[66, 140], noise_px[105, 140]
+    assert beside < 0.15 < 0.3 < edge < 0.6 < middle < 1.1
 
 
 def test_where_texture_fades_out_noise_grows():
@@ -137,8 +148,8 @@ def test_where_texture_fades_out_noise_grows():
     pair = [waves.as_image(128 + fade * (eye - 128.0)) for eye in (left, right)]
     _, noise_px = refined(pair)
     rows = noise_px[:, 28:-6].mean(axis=1)
-    assert rows[:20].max() < 0.1
-    assert rows[-4:].min() > 0.2
+    assert rows[:20].max() < 0.15
+    assert rows[-4:].min() > 0.35
     assert (np.diff(rows[20::30]) > 0).all()
 
 
@@ -149,13 +160,14 @@ def test_noise_grows_with_that_of_the_images():
         _, noise_px = refined(pair, PLANE.disparity(CAMERA))
         means.append(noise_px[INNER].mean())
     assert means == sorted(means)
-    assert means[0] < 0.07 < 0.1 < means[-1] < 0.255
+    assert means[0] < 0.105 < 0.11 < means[-1] < 0.43
 
 
 @pytest.mark.parametrize('sigma', [0.0, 2.0, 5.0])
 def test_noise_is_about_the_error(sigma):
     found, noise_px = refined(waves.stereo_pair(CAMERA, PLANE, noise=sigma))
-    assert 0.5 < rms(found) / noise_px[INNER].mean() < 1.2
+    # The floor is that of rough ground, which these waves have not.
+    assert 0.35 < rms(found) / noise_px[INNER].mean() < 1.2
 
 
 @pytest.mark.parametrize('off_px', [-4.0, -1.0, 1.0, 4.0])

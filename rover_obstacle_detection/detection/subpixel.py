@@ -13,9 +13,14 @@ from rover_obstacle_detection.detection.row_alignment import RowAlignment
 
 _WINDOW = 9
 _PRIOR_PX = 0.13
-_UNTEXTURED_PX = 0.25
 _MOST_PX = 0.6
-_FLOOR_PX = 0.05
+# Errors of matches on rendered ground, by what the window's texture tells.
+_UNTEXTURED_PX = 0.42
+_FLOOR_PX = 0.10
+# Where a window as wide as this shows little more than noise, matches are carried in from afar.
+_WIDE_WINDOW = 25
+_WIDE_SIGNAL = 1.5
+_CARRIED = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +68,9 @@ def refine_disparity(
     One step of Lucas and Kanade 1981 over 9 x 9 pixels, along the row, blind to a difference of
     brightness. What grey levels still differ after the warp tells the image's own noise; a step
     that this noise could have made is damped (a normal prior of 0.13 px, about the error of most
-    matches). The noise returned falls with texture as the covariance does, from SGBM's 0.25 px,
-    tails and all, where there is none. A second step would follow the noise further.
+    matches). The noise returned falls with texture, from SGBM's own where there is none, tails
+    and all, and is up to two and a half times that where texture is far, as in a black shadow. A
+    second step would follow the noise further.
     """
     known = disparity > 0
     weight = known.astype(np.float32)
@@ -86,8 +92,20 @@ def refine_disparity(
     damping = np.float32(max(grey_noise, 0.5) ** 2 / (_WINDOW * _WINDOW / 2 * _PRIOR_PX**2))
     step = np.clip(pull / (curvature + damping), -_MOST_PX, _MOST_PX)
     refined = np.where(known, np.maximum(disparity - step, np.float32(1e-3)), 0).astype(np.float32)
-    noise = np.float32(_UNTEXTURED_PX) * np.sqrt(damping / (np.maximum(curvature, 0) + damping))
+    untold = damping / (np.maximum(curvature, 0) + damping)
+    noise = np.float32(_UNTEXTURED_PX) * untold * np.sqrt(untold) * _carried(left, grey_noise)
     return Refined(refined, np.hypot(noise, np.float32(_FLOOR_PX)), grey_noise)
+
+
+def _carried(grey: NDArray[np.uint8], grey_noise: float) -> NDArray[np.float32]:
+    """Tell by what factor the noise grows where texture is far."""
+    size = (_WIDE_WINDOW, _WIDE_WINDOW)
+    mean = cv2.blur(grey.astype(np.float32), size)
+    variance = cv2.sqrBoxFilter(grey, cv2.CV_32F, size) - mean * mean
+    # The difference of both images has twice the noise's variance.
+    noise_variance = np.float32(max(grey_noise, 0.5) ** 2 / 2)
+    signal = np.sqrt(np.maximum(variance / noise_variance - 1, 0))
+    return np.asarray(1 + _CARRIED * np.maximum(1 - signal / _WIDE_SIGNAL, 0), np.float32)
 
 
 def _spread(difference: NDArray[np.float32], known: NDArray[np.bool_]) -> float:
