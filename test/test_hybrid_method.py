@@ -15,6 +15,8 @@ from synthetic import Box, Dome, Pit, Plane, Scene, hazard_camera, iou, mast, pi
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.hybrid import going_on
+from rover_obstacle_detection.detection.regions import nearest_known
 
 BLOCK = (Box(0.0, 1.2, 0.3, 0.3, 0.3),)
 DOME = (Dome(-0.3, 1.0, 0.2),)
@@ -156,6 +158,27 @@ def test_slope_that_is_too_steep_is_an_obstacle(direction):
     assert flagged(found, found.disparity > 0) > 0.8
     free, _ = detect(mast(planes=(SLOPES[direction](26),)), max_slope=40.0)
     assert flagged(free, view.depth_m < JUDGED_M) < 0.02
+
+
+def test_slope_goes_on_where_the_right_eye_does_not_see():
+    found, view = detect(mast(planes=(Plane.uphill(26),)))
+    strip = ~np.maximum.accumulate(found.disparity > 0, axis=1) & (view.depth_m < JUDGED_M)
+    assert strip.mean() > 0.03
+    assert flagged(found, strip) > 0.5
+    assert found.known[strip & (found.mask > 0)].all()
+
+
+def test_speck_of_slope_is_not_carried_on():
+    steep = np.zeros((100, 100), bool)
+    steep[:40, 20:30] = True
+    steep[60:62, 20:30] = True
+    measured = np.broadcast_to(np.arange(100) >= 20, steep.shape)
+    nearest = nearest_known(measured, np.full(steep.shape, 10, np.float32))
+    expected = np.zeros_like(steep)
+    expected[:40, 10:20] = True
+    found = going_on(steep, nearest)
+    np.testing.assert_array_equal(found[:38], expected[:38])
+    assert not found[45:].any()
 
 
 def test_without_gravity_the_ground_in_view_is_level():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rover_obstacle_detection.detection.regions import (
-    nearest_values,
+    carried,
+    nearest_known,
     region_counts,
     region_means,
     region_sizes,
@@ -43,46 +44,31 @@ def row(*values, dtype=bool):
     return np.array([values], dtype)
 
 
-def carried(known, values, regions=None, reach=100.0):
+def carry(known, values, regions=None, reach=100.0):
     known = row(*known)
-    regions = np.ones_like(known, np.int32) if regions is None else row(*regions, dtype=np.int32)
-    return nearest_values(
-        known, row(*values), regions, np.broadcast_to(np.float32(reach), known.shape)
-    )[0].tolist()
+    nearest = nearest_known(known, np.broadcast_to(np.float32(reach), known.shape))
+    regions = None if regions is None else row(*regions, dtype=np.int32)
+    return carried(row(*values), nearest, regions)[0].astype(int).tolist()
 
 
 def test_values_are_carried_from_the_nearest_known_pixel():
-    assert carried([1, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 0]) == [
-        True,
-        True,
-        True,
-        False,
-        False,
-        False,
-    ]
-    assert carried([1, 0, 0, 0, 0, 1], [0, 0, 0, 0, 0, 1]) == [
-        False,
-        False,
-        False,
-        True,
-        True,
-        True,
-    ]
+    assert carry([1, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 0]) == [0, 1, 1, 0, 0, 0]
+    assert carry([1, 0, 0, 0, 0, 1], [0, 0, 0, 0, 0, 1]) == [0, 0, 0, 1, 1, 0]
 
 
 def test_values_of_unknown_pixels_count_for_nothing():
-    assert carried([1, 0, 0], [0, 1, 1]) == [False, False, False]
+    assert carry([1, 0, 0], [0, 1, 1]) == [0, 0, 0]
 
 
 def test_values_stay_within_their_region():
-    found = carried([1, 0, 0, 0, 0], [1, 0, 0, 0, 0], regions=[1, 1, 1, 2, 2])
-    assert found == [True, True, True, False, False]
+    assert carry([1, 0, 0, 0, 0], [1, 0, 0, 0, 0], regions=[1, 1, 1, 2, 2]) == [0, 1, 1, 0, 0]
 
 
 def test_values_are_carried_as_far_as_the_pixel_they_come_from_reaches():
-    assert carried([1, 0, 0, 0, 0], [1, 0, 0, 0, 0], reach=2.5) == [True, True, True, False, False]
-    assert carried([1, 0], [1, 0], reach=0.0) == [True, False]
+    assert carry([1, 0, 0, 0, 0], [1, 0, 0, 0, 0], reach=2.5) == [0, 1, 1, 0, 0]
+    assert carry([1, 0], [1, 0], reach=0.0) == [0, 0]
 
 
-def test_nothing_known_nothing_carried():
-    assert carried([0, 0, 0], [1, 1, 1]) == [False, False, False]
+@pytest.mark.parametrize('known', [0, 1])
+def test_where_all_or_nothing_is_known_nothing_is_carried(known):
+    assert carry([known] * 3, [1, 1, 1]) == [0, 0, 0]

@@ -25,7 +25,12 @@ from rover_obstacle_detection.detection.hazards import (
 )
 from rover_obstacle_detection.detection.image import GreyPair
 from rover_obstacle_detection.detection.outline import texture_level
-from rover_obstacle_detection.detection.regions import nearest_values, seed_regions
+from rover_obstacle_detection.detection.regions import (
+    Nearest,
+    carried,
+    nearest_known,
+    seed_regions,
+)
 from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.segmentation import mean_shift_regions
@@ -57,7 +62,7 @@ OPTIONAL_STAGES = (
 REGION_REDUCTION = 4
 TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
-# How far a rock's region may be completed, metres.
+# How far a rock's region, or a slope, may go on where nothing is measured, metres.
 REACH_M = 0.35
 # Of the image: less is a speck.
 SPECK_SHARE = 0.0025
@@ -126,7 +131,9 @@ def detect_hybrid(
     finished('roughness')
     segments = segment(stereo, terrain, config)
     finished('segmentation')
-    near_rock, dark = complete_by_regions(rocks.high, terrain, segments, stereo, camera, config)
+    nearest = nearest_known(terrain.measured, REACH_M * terrain.pixels_per_metre)
+    steep |= going_on(steep, nearest)
+    near_rock, dark = complete_by_regions(rocks.high, nearest, segments, stereo, camera, config)
     near_rock &= 'regions' not in leave_out
     dark &= 'grey level' not in leave_out
     finished('regions')
@@ -197,9 +204,19 @@ def segment(stereo: Stereo, terrain: Terrain, config: DetectorConfig) -> Segment
     return Segments(regions, seed_regions(regions, stereo.disparity > 0, config.min_seed_points))
 
 
+def going_on(steep: NDArray[np.bool_], nearest: Nearest) -> NDArray[np.bool_]:
+    """Find the pixels where nothing is measured, but a slope ends that does not end there.
+
+    The left border, which the right eye does not see, would else cut every slope off. A speck is
+    not carried on: at the edge of what is seen rises are noisy.
+    """
+    large = steep & ~small_parts(steep, round(SPECK_SHARE * steep.size))
+    return carried(large, nearest)
+
+
 def complete_by_regions(
     rocks: NDArray[np.bool_],
-    terrain: Terrain,
+    nearest: Nearest,
     segments: Segments,
     stereo: Stereo,
     camera: StereoCamera,
@@ -215,9 +232,8 @@ def complete_by_regions(
     if not unmatched.any():
         return near_rock, dark
     regions, is_seed = segments.regions, segments.is_seed
-    reach_px = REACH_M * terrain.pixels_per_metre
-    nearest = nearest_values(terrain.measured, rocks, regions, reach_px)
-    near_rock[unmatched] = nearest[unmatched] & is_seed[regions[unmatched]]
+    beside = carried(rocks, nearest, regions)
+    near_rock[unmatched] = beside[unmatched] & is_seed[regions[unmatched]]
     is_dark = dark_regions(stereo.pair[0], regions, is_seed, config.dark_grey_level)
     if is_dark.any():
         expected = stereo.expected[unmatched]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -46,38 +47,67 @@ def seed_regions(
     return region_counts(regions, has_point) >= min_seed_points
 
 
-def nearest_values(
-    known: NDArray[np.bool_],
-    values: NDArray[np.bool_],
-    regions: NDArray[np.int32],
-    reach_px: NDArray[np.float32],
-) -> NDArray[np.bool_]:
-    """Carry values from where they are known to the pixels around, not across regions.
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """For pixels of which something is not known, the nearest pixel of which it is.
 
     Parameters
     ----------
-    known, values : ndarray of bool, shape (height, width)
-    regions : ndarray of int32, shape (height, width)
-    reach_px : ndarray of float32, shape (height, width)
-        How far each known pixel's value is carried.
-
-    Returns
-    -------
-    ndarray of bool, shape (height, width)
-        The value of the nearest known pixel; False where that lies in another region or too far.
+    shape : tuple of int
+        Height and width of the image.
+    pixels : ndarray of int, shape (n,)
+        Those with a known pixel in reach, as flat indices.
+    sources : ndarray of int, shape (n,)
+        The nearest known pixel of each.
     """
-    found = known & values
+
+    shape: tuple[int, ...]
+    pixels: NDArray[np.intp]
+    sources: NDArray[np.intp]
+
+
+def nearest_known(known: NDArray[np.bool_], reach_px: NDArray[np.float32]) -> Nearest:
+    """Find the nearest known pixel of every other that is in its reach.
+
+    Parameters
+    ----------
+    known : ndarray of bool, shape (height, width)
+    reach_px : ndarray of float32, shape (height, width)
+        How far each known pixel reaches.
+    """
     unknown = np.flatnonzero(~known)
-    if not found.any() or not unknown.size:
-        return found
+    if not unknown.size or unknown.size == known.size:
+        nothing = np.zeros(0, np.intp)
+        return Nearest(known.shape, nothing, nothing)
     distance, labels = cv2.distanceTransformWithLabels(
         (~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
     # Labels number the known pixels from 1, row by row.
-    source = np.flatnonzero(known)[labels.ravel()[unknown] - 1]
-    found.ravel()[unknown] = (
-        values.ravel()[source]
-        & (distance.ravel()[unknown] <= reach_px.ravel()[source])
-        & (regions.ravel()[source] == regions.ravel()[unknown])
-    )
+    sources = np.flatnonzero(known)[labels.ravel()[unknown] - 1]
+    in_reach = distance.ravel()[unknown] <= reach_px.ravel()[sources]
+    return Nearest(known.shape, unknown[in_reach], sources[in_reach])
+
+
+def carried(
+    values: NDArray[np.bool_], nearest: Nearest, regions: NDArray[np.int32] | None = None
+) -> NDArray[np.bool_]:
+    """Carry values from where they are known to the pixels around.
+
+    Parameters
+    ----------
+    values : ndarray of bool, shape (height, width)
+    nearest : Nearest
+    regions : ndarray of int32, shape (height, width), optional
+        Regions that values are not carried out of.
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+        The value of the nearest known pixel, at pixels that are not known; False elsewhere.
+    """
+    found = np.zeros(nearest.shape, np.bool_)
+    taken = values.ravel()[nearest.sources]
+    if regions is not None:
+        taken = taken & (regions.ravel()[nearest.sources] == regions.ravel()[nearest.pixels])
+    found.ravel()[nearest.pixels] = taken
     return found
