@@ -99,5 +99,5 @@ def test_without_subpixel_the_noise_is_that_of_the_matching():
     np.testing.assert_allclose(found.height_noise[ground], expected, rtol=0.1)
     whole = Detector(SCENE.camera).detect(view.left, view.right, gravity=SCENE.gravity)
     matched = (found.disparity > 0) & (whole.disparity > 0)
-    assert np.abs(found.disparity - whole.disparity)[matched].max() <= 0.6 + 1e-4
+    assert np.abs(found.disparity - whole.disparity)[matched].max() <= 1 + 1e-4
     assert (found.disparity != whole.disparity)[matched].any()

@@ -74,7 +74,7 @@ def test_plane_that_tilts_sideways(slope):
     truth = plane.disparity(CAMERA)
     found, _ = refined(waves.stereo_pair(CAMERA, plane), truth + np.float32(0.2))
     inner = np.s_[6:-6, 46:-6]
-    assert np.sqrt(np.mean((found - truth)[inner] ** 2)) < 0.06
+    assert np.sqrt(np.mean((found - truth)[inner] ** 2)) < 0.07
 
 
 def test_true_disparity_stays():
@@ -82,6 +82,15 @@ def test_true_disparity_stays():
     found, _ = refined(waves.stereo_pair(CAMERA, PLANE), truth)
     assert rms(found) < 0.04
     np.testing.assert_allclose(found[INNER], truth[INNER], atol=0.1)
+
+
+@pytest.mark.parametrize('off_px', [-0.5, 0.5])
+def test_what_little_texture_let_sag_is_put_right(off_px):
+    pair = waves.stereo_pair(CAMERA, PLANE, contrast=3.0, noise=2.0)
+    truth = PLANE.disparity(CAMERA)
+    found, _ = refined(pair, truth + np.float32(off_px))
+    inner = np.s_[20:-20, 60:-20]
+    assert abs(np.median((found - truth)[inner])) < 0.15
 
 
 def test_one_eye_may_be_brighter():
@@ -128,7 +137,7 @@ def test_without_texture_disparity_stays_and_may_be_a_pixel_off(level):
     image = np.full(CAMERA.shape, level, np.uint8)
     found, noise_px = refined((image, image))
     np.testing.assert_array_equal(found, whole_pixels())
-    np.testing.assert_allclose(noise_px, np.hypot(0.42 * 2.5, 0.10), rtol=1e-4)
+    np.testing.assert_allclose(noise_px, np.hypot(0.35 * 2.5, 0.12), rtol=1e-4)
 
 
 def test_the_farther_texture_the_noisier():
@@ -160,7 +169,7 @@ def test_noise_grows_with_that_of_the_images():
         _, noise_px = refined(pair, PLANE.disparity(CAMERA))
         means.append(noise_px[INNER].mean())
     assert means == sorted(means)
-    assert means[0] < 0.105 < 0.11 < means[-1] < 0.43
+    assert means[0] < 0.125 < 0.13 < means[-1] < 0.43
 
 
 @pytest.mark.parametrize('sigma', [0.0, 2.0, 5.0])
@@ -175,7 +184,7 @@ def test_step_is_limited(off_px):
     pair = waves.stereo_pair(CAMERA, PLANE)
     given = PLANE.disparity(CAMERA) + np.float32(off_px)
     found, _ = refined(pair, given)
-    assert np.abs(found - given).max() <= 0.6 + 1e-5
+    assert np.abs(found - given).max() <= 1 + 1e-5
     if abs(off_px) == 1:
         assert np.median(np.abs(found - PLANE.disparity(CAMERA))[INNER]) < 0.8
 

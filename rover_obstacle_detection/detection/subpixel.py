@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.row_alignment import RowAlignment
 
-_WINDOW = 9
-_PRIOR_PX = 0.13
-_MOST_PX = 0.6
+# Windows and how far the disparity of each is expected to be from that of the one before, pixels.
+_WINDOWS = ((33, 0.5), (9, 0.13))
+_SHARED = 2
+_MOST_PX = 1.0
 # Errors of matches on rendered ground, by what the window's texture tells.
-_UNTEXTURED_PX = 0.42
-_FLOOR_PX = 0.10
+_UNTEXTURED_PX = 0.35
+_FLOOR_PX = 0.12
 # Where a window as wide as this shows little more than noise, matches are carried in from afar.
 _WIDE_WINDOW = 25
 _WIDE_SIGNAL = 1.5
@@ -30,7 +31,7 @@ class Refined:
     Parameters
     ----------
     disparity : ndarray of float32, shape (height, width)
-        Within 0.6 px of what was given; 0 where that was 0.
+        Within 1 px of what was given; 0 where that was 0.
     noise_px : ndarray of float32, shape (height, width)
         Its standard deviation, pixels.
     grey_noise : float
@@ -65,16 +66,18 @@ def refine_disparity(
 
     Notes
     -----
-    One step of Lucas and Kanade 1981 over 9 x 9 pixels, along the row, blind to a difference of
-    brightness. What grey levels still differ after the warp tells the image's own noise; a step
-    that this noise could have made is damped (a normal prior of 0.13 px, about the error of most
-    matches). The noise returned falls with texture, from SGBM's own where there is none, tails
-    and all, and is up to two and a half times that where texture is far, as in a black shadow. A
-    second step would follow the noise further.
+    One step of Lucas and Kanade 1981 along the row, blind to a difference of brightness. What
+    grey levels still differ after the warp tells the image's own noise; a step that this noise
+    could have made is damped. Semi-global matching flattens what has little texture towards the
+    ground plane, and there only a wide window sees more than noise. So 33 x 33 pixels go first (a
+    normal prior of 0.5 px), and 9 x 9 are damped towards their step (0.13 px, about the error of
+    most matches). The noise returned falls with texture, from SGBM's own where there is none,
+    tails and all, and is up to two and a half times that where texture is far, as in a black
+    shadow. A second step would
+    follow the noise further.
     """
     known = disparity > 0
     weight = known.astype(np.float32)
-    share = np.maximum(_mean(weight), np.float32(1e-3))
     columns = np.arange(camera.width, dtype=np.float32)
     rows = alignment.rows(camera, columns)
     offset = np.float32(camera.disparity_offset)
@@ -83,18 +86,34 @@ def refine_disparity(
     source = columns[np.newaxis] - disparity - offset - alignment.added_disparity(camera)
     gradient = _sampled(slope, source, rows, cv2.INTER_LINEAR) * weight
     difference = (first - _sampled(second, source, rows, cv2.INTER_CUBIC)) * weight
-    mean_difference, mean_gradient = _mean(difference) / share, _mean(gradient) / share
-    curvature = _mean(gradient * gradient) / share - mean_gradient * mean_gradient
-    pull = _mean(difference * gradient) / share - mean_difference * mean_gradient
-    grey_noise = _spread(np.asarray(difference - mean_difference, np.float32), known)
-    # Grey-level noise over the prior's: what the curvature must exceed to be believed. Neighbours
-    # share their noise through smoothing: half of the pixels count.
-    damping = np.float32(max(grey_noise, 0.5) ** 2 / (_WINDOW * _WINDOW / 2 * _PRIOR_PX**2))
-    step = np.clip(pull / (curvature + damping), -_MOST_PX, _MOST_PX)
+    grey_noise = _spread(difference - _mean(difference, _WINDOWS[-1][0]), known)
+    step, untold = np.zeros_like(difference), np.ones_like(difference)
+    for window, prior_px in _WINDOWS:
+        curvature, pull = _normal_equation(gradient, difference, weight, window)
+        # Grey-level noise over the prior's: what the curvature must exceed to be believed.
+        independent = window * window / _SHARED
+        damping = np.float32(max(grey_noise, 0.5) ** 2 / (independent * prior_px**2))
+        untold = damping / (curvature + damping)
+        step = pull / (curvature + damping) + step * untold
+    step = np.clip(step, -_MOST_PX, _MOST_PX)
     refined = np.where(known, np.maximum(disparity - step, np.float32(1e-3)), 0).astype(np.float32)
-    untold = damping / (np.maximum(curvature, 0) + damping)
     noise = np.float32(_UNTEXTURED_PX) * untold * np.sqrt(untold) * _carried(left, grey_noise)
     return Refined(refined, np.hypot(noise, np.float32(_FLOOR_PX)), grey_noise)
+
+
+def _normal_equation(
+    gradient: NDArray[np.float32],
+    difference: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    window: int,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Curvature and pull of the squared difference around each pixel, its mean taken off."""
+    share = np.maximum(_mean(weight, window), np.float32(1e-3))
+    mean_difference = _mean(difference, window) / share
+    mean_gradient = _mean(gradient, window) / share
+    curvature = _mean(gradient * gradient, window) / share - mean_gradient * mean_gradient
+    pull = _mean(difference * gradient, window) / share - mean_difference * mean_gradient
+    return np.maximum(curvature, np.float32(0)), np.asarray(pull, np.float32)
 
 
 def _carried(grey: NDArray[np.uint8], grey_noise: float) -> NDArray[np.float32]:
@@ -114,8 +133,8 @@ def _spread(difference: NDArray[np.float32], known: NDArray[np.bool_]) -> float:
     return 1.4826 * float(np.median(np.abs(sample))) if sample.size else 1.0
 
 
-def _mean(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(cv2.blur(image, (_WINDOW, _WINDOW)), np.float32)
+def _mean(image: NDArray[np.float32], window: int) -> NDArray[np.float32]:
+    return np.asarray(cv2.blur(image, (window, window)), np.float32)
 
 
 def _sampled(
