@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,6 +66,23 @@ def test_slope_that_begins_gently_is_not_shared_out_between_rover_and_slope(pitc
     slope = bank(-26, 1.4, 0.4)
     eye = Eye(pitch_deg=pitch_deg, height_m=height_m)
     assert apart_deg(vertical(lambda x, y: slope(x, y) + relief(x, y), eye), eye.up) < 2.3
+
+
+def test_cells_of_which_little_is_known_hardly_count():
+    terrain, *_ = EYE.survey(tilted(0.2, 0.0))
+    layers = []
+    for layer in terrain.layers:
+        ground_m, information = layer.ground_m.copy(), layer.information.copy()
+        middle = ground_m.shape[1] // 2
+        ground_m[:, middle:] += 0.5
+        information[:, middle:] *= 1e-6
+        layers.append(replace(layer, ground_m=ground_m, information=information))
+    upright = estimate_vertical(terrain.layers, EYE.level_ground)
+    assert apart_deg(estimate_vertical(layers, EYE.level_ground), upright) < 2
+    certain = [
+        replace(layer, information=np.full_like(layer.information, 1e9)) for layer in layers
+    ]
+    assert apart_deg(estimate_vertical(certain, EYE.level_ground), upright) > 5
 
 
 @pytest.mark.parametrize(('angle', 'start'), [(26, 3.0), (-26, 1.8)])

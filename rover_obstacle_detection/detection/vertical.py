@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.elevation_map import ground_axes
 from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.relief import SHARED_PIXELS
 from rover_obstacle_detection.detection.survey import Layer
 
 _SAMPLES = 2000
@@ -31,6 +32,8 @@ _COST_TOLERANCE = 0.1
 _MIN_BEND_DEG = 6.0
 _MAX_COST_SHARE = 0.6
 _LEVEL_SHARE = 0.5
+# Cells whose height is known to less than this hardly count.
+_KNOWN_M = 0.2
 
 Cells = NDArray[np.float64]
 
@@ -149,7 +152,8 @@ def _cells(layers: Sequence[Layer]) -> Cells:
         nearest_m = float(forward[own].max())
         height = layer.ground_m[rows, columns]
         distance = np.maximum(np.hypot(across, forward), 0.3)
-        weight = positions.cell_m**2 / distance**_NEARNESS
+        known = layer.information[rows, columns] * np.float32(_KNOWN_M**2)
+        weight = positions.cell_m**2 / distance**_NEARNESS * known / (known + SHARED_PIXELS)
         parts.append(np.column_stack((across, forward, height, weight))[own].astype(np.float64))
     if not parts:
         return np.empty((0, 4))
