@@ -69,20 +69,17 @@ def test_slope_that_begins_gently_is_not_shared_out_between_rover_and_slope(pitc
 
 
 def test_cells_of_which_little_is_known_hardly_count():
-    terrain, *_ = EYE.survey(tilted(0.2, 0.0))
-    layers = []
+    terrain, *_ = EYE.survey(flat)
+    false, told = [], []
     for layer in terrain.layers:
-        ground_m, information = layer.ground_m.copy(), layer.information.copy()
-        middle = ground_m.shape[1] // 2
-        ground_m[:, middle:] += 0.5
-        information[:, middle:] *= 1e-6
-        layers.append(replace(layer, ground_m=ground_m, information=information))
-    upright = estimate_vertical(terrain.layers, EYE.level_ground)
-    assert apart_deg(estimate_vertical(layers, EYE.level_ground), upright) < 2
-    certain = [
-        replace(layer, information=np.full_like(layer.information, 1e9)) for layer in layers
-    ]
-    assert apart_deg(estimate_vertical(certain, EYE.level_ground), upright) > 5
+        rows, columns = np.indices(layer.ground_m.shape)
+        known = rows < 0.3 * len(layer.ground_m)
+        ground_m = np.where(known, layer.ground_m, 0.2 * columns * layer.positions.cell_m)
+        information = np.where(known, np.float32(1e9), np.float32(10))
+        false.append(replace(layer, ground_m=ground_m, information=information))
+        told.append(replace(layer, ground_m=ground_m, information=np.full_like(information, 1e9)))
+    assert apart_deg(estimate_vertical(false, EYE.level_ground), EYE.up) < 1
+    assert apart_deg(estimate_vertical(told, EYE.level_ground), EYE.up) > 3
 
 
 @pytest.mark.parametrize(('angle', 'start'), [(26, 3.0), (-26, 1.8)])
