@@ -6,10 +6,10 @@
 Trains on the scenes of the suite `training` (rendered if need be) but some that it holds out, and
 reports on those and on the scenes ``tune_*`` of the standard suite; those named ``report_*`` it
 never reads. Needs PyTorch, the package needs only the file that comes out of it. On two cores that
-takes half an hour or more, once the scenes are there. The weights that are shipped came of six
-such runs, each begun from the last one's weights (`--start`) as scenes and variation were added;
-before the last three channels were added to a narrower network, with small random weights. A run
-from the beginning gives others.
+takes half an hour or more, once the scenes are there. The weights that are shipped came of nine
+such runs, each begun from the last one's weights (`--start`) as scenes, variation and layers were
+added: channels with small random weights, corrections with none. A run from the beginning gives
+others.
 """
 
 from __future__ import annotations
@@ -62,6 +62,25 @@ GREY = PLANES.index('grey level against the ground')
 EVIDENCE = PLANES.index('parallax evidence')
 
 
+class Corrected(nn.Module):
+    """What comes in and a correction to it, which is nothing before training."""
+
+    def __init__(self, width: int, convolutions: int) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        for _ in range(convolutions):
+            layers += [nn.Conv2d(width, width, 3, 1, 1), nn.ReLU()]
+        last = layers[-2]
+        assert isinstance(last, nn.Conv2d)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        self.correction = nn.Sequential(*layers[:-1])
+
+    def forward(self, planes: torch.Tensor) -> torch.Tensor:
+        """Return the same shape."""
+        return torch.relu(planes + self.correction(planes))
+
+
 class OutlineNet(nn.Module):
     """Halves the resolution three times and comes back; four logits for each 2 x 2 pixels."""
 
@@ -84,6 +103,7 @@ class OutlineNet(nn.Module):
             nn.Sequential(nn.Conv2d(2 * width, width, 3, 1, 1), nn.ReLU())
             for width in (middle, fine)
         )
+        self.correct = nn.ModuleList((Corrected(coarse, 2), Corrected(middle, 1), nn.Identity()))
         self.out = nn.Conv2d(fine, 4, 3, 1, 1)
 
     def forward(self, planes: torch.Tensor) -> torch.Tensor:
@@ -92,8 +112,11 @@ class OutlineNet(nn.Module):
         for down in self.down:
             planes = down(planes)
             levels.append(planes)
-        for up, merge, level in zip(self.up, self.merge, levels[-2::-1], strict=True):
-            planes = merge(torch.cat((up(planes), level), 1))
+        planes = self.correct[0](planes)
+        for up, merge, level, correct in zip(
+            self.up, self.merge, levels[-2::-1], self.correct[1:], strict=True
+        ):
+            planes = correct(merge(torch.cat((up(planes), level), 1)))
         return self.out(planes)
 
 
