@@ -63,7 +63,7 @@ EVIDENCE = PLANES.index('parallax evidence')
 
 
 class Corrected(nn.Module):
-    """What comes in and a correction to it, which is nothing before training."""
+    """What comes in and a correction to it (He et al. 2016), which is nothing before training."""
 
     def __init__(self, width: int, convolutions: int) -> None:
         super().__init__()
@@ -149,7 +149,7 @@ def main() -> None:
     }
     net = OutlineNet()
     if arguments.start:
-        net.load_state_dict(torch.load(arguments.start))
+        begin_from(net, arguments.start)
     net = train(net, examples['training'], arguments.steps)
     for name in ('held-out', 'tuning'):
         print(f'mean IoU of rocks on the {name} scenes: {mean_iou(net, examples[name]):.3f}')
@@ -157,6 +157,13 @@ def main() -> None:
         torch.save(net.state_dict(), arguments.weights)
     export(net, arguments.output)
     print(f'written: {arguments.output}, {arguments.output.stat().st_size} bytes')
+
+
+def begin_from(net: OutlineNet, path: Path) -> None:
+    """Take weights from a file; of a network without corrections as well, which are then none."""
+    missing, unexpected = net.load_state_dict(torch.load(path), strict=False)
+    if unexpected or not all(name.startswith('correct.') for name in missing):
+        sys.exit(f'{path}: not of this network: missing {missing}, not known {unexpected}')
 
 
 def frames_of(suite: str, chosen: Callable[[str], bool]) -> Iterator[LabelledFrame]:

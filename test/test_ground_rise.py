@@ -42,6 +42,49 @@ def test_slope_is_measured_to_the_edge_of_what_is_seen(slope):
     np.testing.assert_allclose(angle[inside], slope, atol=1.5)
 
 
+def strip_of(width, slope_deg, noise_m):
+    """A map of which only so many columns are seen, rising forward."""
+    layer = cells_of(flat)
+    rows, columns = np.indices(layer.mean_m.shape)
+    seen = (columns >= 20) & (columns < 20 + width)
+    rise = math.tan(math.radians(slope_deg)) * layer.positions.cell_m
+    return replace(
+        layer,
+        mean_m=(rise * rows).astype(np.float32),
+        information=np.where(seen, 20 / noise_m**2, 0).astype(np.float32),
+        is_ground=seen,
+        seen=seen,
+    )
+
+
+@pytest.mark.parametrize('width', [3, 5, 7, 20])
+@pytest.mark.parametrize('noise_m', [0.002, 0.01, 0.03])
+def test_a_narrow_strip_is_known_no_worse_by_wider_scales(width, noise_m):
+    layer = strip_of(width, 26, noise_m)
+    angle, noise = angles(layer)
+    inside = layer.seen.copy()
+    inside[:10] = inside[-10:] = False
+    np.testing.assert_allclose(angle[inside], 26, atol=1.5)
+    assert noise[inside].max() < math.tan(math.radians(20))
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (1, 40), (40, 1), (3, 3)])
+def test_tiny_and_empty_maps(shape):
+    layer = cells_of(flat)
+    grids = {name: np.zeros(shape, np.float32) for name in ('mean_m', 'information', 'ground_m')}
+    for seen in (False, True):
+        mask = np.full(shape, seen)
+        small = replace(layer, is_ground=mask, seen=mask, **grids)
+        if seen:
+            small = replace(small, information=np.full(shape, 1e5, np.float32))
+        rise, (height_m, noise_m) = ground_rise(small), ground_height(small)
+        for grid in (rise.right, rise.forward, rise.noise, height_m, noise_m):
+            assert grid.shape == shape
+            assert np.isfinite(grid).all()
+        np.testing.assert_allclose(rise.right, 0, atol=1e-4)
+        np.testing.assert_allclose(rise.forward, 0, atol=1e-4)
+
+
 def test_noise_widens_the_scale_that_counts():
     layer = cells_of(flat)
     waves = 0.05 * np.sin(np.arange(layer.ground_m.shape[0]) * 0.04 * 2 * np.pi / 0.8)

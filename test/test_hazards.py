@@ -143,6 +143,12 @@ def impassable(height, eye=EYE, ground=None, noise_px=0.02, **config):
     return steep, dropped, np.where(found.measured, x, np.nan), np.where(found.measured, y, np.nan)
 
 
+@pytest.mark.parametrize('limit', [2, 5, 20])
+def test_limit_of_the_slope_may_be_small(limit):
+    steep, _, _, y = impassable(bank(26, 0.0), max_slope=limit)
+    assert steep[(y > 0.8) & (y < 1.6)].mean() > 0.9
+
+
 def test_flat_ground_is_neither_steep_nor_dropped():
     steep, dropped, *_ = impassable(flat)
     assert not steep.any()

@@ -168,17 +168,23 @@ def test_slope_goes_on_where_the_right_eye_does_not_see():
     assert found.known[strip & (found.mask > 0)].all()
 
 
-def test_speck_of_slope_is_not_carried_on():
+def test_slope_is_carried_on_only_into_what_the_right_eye_does_not_see():
+    camera = pinhole(100, 100, 60.0, 0.1)
     steep = np.zeros((100, 100), bool)
-    steep[:40, 20:30] = True
-    steep[60:62, 20:30] = True
-    measured = np.broadcast_to(np.arange(100) >= 20, steep.shape)
+    steep[:40, 20:30] = steep[60:62, 20:30] = True
+    measured = np.zeros_like(steep)
+    measured[5:, 20:90] = True
+    disparity = np.where(measured, 20, 0).astype(np.float32)
     nearest = nearest_known(measured, np.full(steep.shape, 10, np.float32))
+    found = going_on(steep & measured, nearest, disparity, camera)
+    # Not above, where the right eye sees as much, nor beside a speck.
     expected = np.zeros_like(steep)
-    expected[:40, 10:20] = True
-    found = going_on(steep, nearest)
-    np.testing.assert_array_equal(found[:38], expected[:38])
-    assert not found[45:].any()
+    expected[5:40, 10:20] = True
+    np.testing.assert_array_equal(found[6:39], expected[6:39])
+    assert not found[:, 26:].any()
+    assert not found[50:].any()
+    near = going_on(steep & measured, nearest, disparity / 10, camera)
+    assert not near[:, 8:].any()
 
 
 def test_without_gravity_the_ground_in_view_is_level():

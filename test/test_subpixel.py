@@ -101,6 +101,24 @@ def test_one_eye_may_be_brighter():
     np.testing.assert_allclose(noise_px[INNER], noise_alike[INNER], atol=0.01)
 
 
+def test_one_eye_may_be_brighter_where_matches_are_missing_too():
+    left, right = waves.stereo_pair(CAMERA, PLANE, brighter=30.0, contrast=20.0, noise=2.0)
+    missing = np.random.default_rng(5).random(CAMERA.shape) < 0.5
+    drawn = np.where(missing, 0, drawn_to_whole_pixels(PLANE))
+    _, noise_px = refined((left, right), drawn)
+    _, whole_px = refined((left, right))
+    assert np.median(noise_px[INNER][~missing[INNER]]) < 1.3 * np.median(whole_px[INNER])
+
+
+def test_a_single_match_stays_where_it_is():
+    pair = waves.stereo_pair(CAMERA, PLANE)
+    alone = np.zeros(CAMERA.shape, np.float32)
+    alone[90, 120] = whole_pixels()[90, 120]
+    found, noise_px = refined(pair, alone)
+    assert found[90, 120] == pytest.approx(alone[90, 120], abs=0.1)
+    assert noise_px[90, 120] > 0.3
+
+
 def test_rows_that_are_off_are_read_where_they_are():
     alignment = RowAlignment(1.5, 0.01)
     pair = waves.stereo_pair(CAMERA, PLANE, alignment)

@@ -146,7 +146,18 @@ def cell_means(
 
 
 def cell_sums(values: NDArray[np.float32], positions: MapPositions) -> Grid:
-    """Sum of the pixels in each cell, of those over 0."""
+    """Sum of the pixels in each cell.
+
+    Parameters
+    ----------
+    values : ndarray of float32, shape (height, width)
+        0 or more; 0 where the pixel is not on the map.
+    positions : MapPositions
+
+    Returns
+    -------
+    ndarray of float32, shape of the map
+    """
     inside = values > 0
     rows, columns = positions.shape
     total = np.bincount(

@@ -64,6 +64,8 @@ TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
 # How far a rock's region, or a slope, may go on where nothing is measured, metres.
 REACH_M = 0.35
+# Where the right image ends there are no matches, by so much and less.
+BORDER_PX = 5
 # Of the image: less is a speck.
 SPECK_SHARE = 0.0025
 
@@ -132,7 +134,7 @@ def detect_hybrid(
     segments = segment(stereo, terrain, config)
     finished('segmentation')
     nearest = nearest_known(terrain.measured, REACH_M * terrain.pixels_per_metre)
-    steep |= going_on(steep, nearest)
+    steep |= going_on(steep, nearest, stereo.disparity, camera)
     near_rock, dark = complete_by_regions(rocks.high, nearest, segments, stereo, camera, config)
     near_rock &= 'regions' not in leave_out
     dark &= 'grey level' not in leave_out
@@ -204,14 +206,24 @@ def segment(stereo: Stereo, terrain: Terrain, config: DetectorConfig) -> Segment
     return Segments(regions, seed_regions(regions, stereo.disparity > 0, config.min_seed_points))
 
 
-def going_on(steep: NDArray[np.bool_], nearest: Nearest) -> NDArray[np.bool_]:
-    """Find the pixels where nothing is measured, but a slope ends that does not end there.
+def going_on(
+    steep: NDArray[np.bool_],
+    nearest: Nearest,
+    disparity: NDArray[np.float32],
+    camera: StereoCamera,
+) -> NDArray[np.bool_]:
+    """Find the pixels of a slope that the right eye does not see, beside those that it sees.
 
-    The left border, which the right eye does not see, would else cut every slope off. A speck is
-    not carried on: at the edge of what is seen rises are noisy.
+    The left border would else cut every slope off. A speck is not carried on: at the edge of what
+    is seen rises are noisy.
     """
+    if not steep.any():
+        return np.zeros_like(steep)
     large = steep & ~small_parts(steep, round(SPECK_SHARE * steep.size))
-    return carried(large, nearest)
+    found = carried(large, nearest)
+    right_column = nearest.pixels % camera.width - disparity.ravel()[nearest.sources]
+    found.ravel()[nearest.pixels] &= right_column - camera.disparity_offset < BORDER_PX
+    return found
 
 
 def complete_by_regions(

@@ -57,13 +57,13 @@ def local_ground(
     present = weight > 0
     filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
     envelope = _opened(filled, present, max(3, round(opening_m / cell_m) | 1))
-    near = present & (height_m - envelope < tolerance_m)
+    ground, tolerated_m = envelope, tolerance_m
     for _ in range(2):
-        near = _without_feet(near, present)
+        near = _without_feet(present & (height_m - ground < tolerated_m), present)
         trusted = np.where(near, weight, 0).astype(np.float32)
         trend = local_planes(height_m, trusted, trend_m / cell_m).height
         ground = _follow(height_m, trusted, trend, smoothing_m / cell_m)
-        near = present & (height_m - ground < tolerance_m * 0.6)
+        tolerated_m = tolerance_m * 0.6
     return ground, trusted
 
 

@@ -24,9 +24,9 @@ class LocalPlanes:
     Parameters
     ----------
     height : ndarray of float32, shape (rows, columns)
-        Of the plane, over the cell.
+        Of the plane, over the cell, in the unit of the heights given.
     rise_along_columns, rise_along_rows : ndarray of float32, shape (rows, columns)
-        From one column, or row, to the next.
+        From one column, or row, to the next, in that unit.
     weight : ndarray of float32, shape (rows, columns)
         Gaussian sum of the weights around.
     spread : ndarray of float32, shape (rows, columns)

@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 DISPARITY_NOISE_PX = 0.25
 WINDOW_NOISE_PX = 0.05
+# So many pixels share their noise, about those of the window in which disparity is refined: a mean
+# over n pixels has the noise of one over sqrt(n / SHARED_PIXELS).
+SHARED_PIXELS = 100.0
 
 
 def height_noise_m(

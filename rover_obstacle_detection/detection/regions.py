@@ -74,6 +74,10 @@ def nearest_known(known: NDArray[np.bool_], reach_px: NDArray[np.float32]) -> Ne
     known : ndarray of bool, shape (height, width)
     reach_px : ndarray of float32, shape (height, width)
         How far each known pixel reaches.
+
+    Returns
+    -------
+    Nearest
     """
     unknown = np.flatnonzero(~known)
     if not unknown.size or unknown.size == known.size:

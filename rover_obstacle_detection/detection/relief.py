@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.local_regression import LocalPlanes, local_planes
+from rover_obstacle_detection.detection.noise import SHARED_PIXELS
 from rover_obstacle_detection.detection.survey import SMOOTHING_M, Layer
 
 Grid = NDArray[np.float32]
 
+# What a wheel feels, and up to a wheel base or so where noise leaves no choice.
 SCALES_M = (0.14, 0.2, 0.3, 0.5)
 RELIEF_M = 0.10
+# More noise than this would make slopes of 20 degrees out of passable ground too often.
 TOLERATED_DEG = 3.0
-# Pixels that share their noise: about those of the window in which disparity is refined.
-SHARED_PIXELS = 100.0
+# Against division by zero: a rise is biased by as much.
 _RIDGE = 1e-3
 
 
@@ -45,21 +47,30 @@ def ground_rise(layer: Layer) -> Rise:
     ----------
     layer : Layer
 
+    Returns
+    -------
+    Rise
+
     Notes
     -----
     The rise of a plane fitted with Gaussian weights has the standard deviation
     sigma / (2 s sqrt n) for n pixels of noise sigma spread by s; pixels in a window share their
     noise. The narrowest of the scales counts whose rise is known to 3 degrees, and a mixture of
-    two in between.
+    two in between. No scale is narrower than a cell.
     """
     tolerated = math.tan(math.radians(TOLERATED_DEG))
-    narrow = _rise_at(layer, SCALES_M[0])
+    cell_m = layer.positions.cell_m
+    trust = layer.information * layer.is_ground
+    scales = sorted({max(scale_m / cell_m, 1.0) for scale_m in SCALES_M})
+    narrow = _rise_at(layer.mean_m, trust, scales[0], cell_m)
     right, forward, noise = narrow.right, narrow.forward, narrow.noise
     share = np.clip(noise / tolerated - 1, 0, 1)
-    for scale_m in SCALES_M[1:]:
+    for scale in scales[1:]:
         if not (share[layer.seen] > 0).any():
             break
-        wide = _rise_at(layer, scale_m)
+        wide = _rise_at(layer.mean_m, trust, scale, cell_m)
+        # Of a strip a few cells wide, coarser grids know less than finer ones.
+        share = share * (wide.noise < noise)
         right = right + share * (wide.right - right)
         forward = forward + share * (wide.forward - forward)
         noise = noise + share * (wide.noise - noise)
@@ -67,11 +78,8 @@ def ground_rise(layer: Layer) -> Rise:
     return Rise(right, forward, noise)
 
 
-def _rise_at(layer: Layer, scale_m: float) -> Rise:
-    cell_m = layer.positions.cell_m
-    planes = local_planes(
-        layer.mean_m, layer.information * layer.is_ground, max(scale_m / cell_m, 1.0), ridge=_RIDGE
-    )
+def _rise_at(mean_m: Grid, trust: Grid, sigma_cells: float, cell_m: float) -> Rise:
+    planes = local_planes(mean_m, trust, sigma_cells, ridge=_RIDGE)
     return Rise(
         planes.rise_along_columns / np.float32(cell_m),
         planes.rise_along_rows / np.float32(cell_m),
@@ -85,11 +93,17 @@ def _rise_noise(planes: LocalPlanes, cell_m: float) -> Grid:
 
 
 def ground_height(layer: Layer) -> tuple[Grid, Grid]:
-    """Give the height of the ground over the plane at rover scale, and its noise, metres.
+    """Give the height of the ground over the plane at rover scale, and how well it is known.
 
     Parameters
     ----------
     layer : Layer
+
+    Returns
+    -------
+    height_m, noise_m : ndarray of float32, shape of the map
+        Metres; the noise is that of a mean over all that was seen around, rocks as well: under
+        them the ground is that beside them.
     """
     cell_m = layer.positions.cell_m
     own_m = max(SMOOTHING_M, 1.2 * cell_m)

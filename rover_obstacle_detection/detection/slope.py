@@ -14,6 +14,8 @@ from rover_obstacle_detection.detection.relief import Rise
 
 LOST_SLOPE_DEG = 1.5
 STEEP_SHARE = 0.4
+# A rise with so much noise may be anything.
+UNTOLD_DEG = 20.0
 
 
 def steep_cells(rise: Rise, ground: GroundPlane, max_slope_deg: float) -> NDArray[np.bool_]:
@@ -30,8 +32,8 @@ def steep_cells(rise: Rise, ground: GroundPlane, max_slope_deg: float) -> NDArra
     Notes
     -----
     Smoothing takes a degree or two off a slope where it begins and ends: what is connected and
-    hardly less steep belongs to it, if a good part of the whole is steep enough. A rise of which
-    no more is known than that it may be anything is none.
+    hardly less steep belongs to it, if a good part of the whole is steep enough. A rise that may
+    be anything is none.
     """
     right, forward = ground_axes(ground)
     up, normal = np.asarray(ground.up), np.asarray(ground.normal)
@@ -40,7 +42,7 @@ def steep_cells(rise: Rise, ground: GroundPlane, max_slope_deg: float) -> NDArra
         float(normal @ up) - float(right @ up) * rise.right - float(forward @ up) * rise.forward
     )
     length = np.sqrt(1 + rise.right * rise.right + rise.forward * rise.forward)
-    known = rise.noise < math.tan(math.radians(max_slope_deg))
+    known = rise.noise < math.tan(math.radians(UNTOLD_DEG))
     steep = (upward < math.cos(math.radians(max_slope_deg)) * length) & known
     if not steep.any():
         return np.asarray(steep)

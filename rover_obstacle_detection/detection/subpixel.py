@@ -13,7 +13,8 @@ from rover_obstacle_detection.detection.row_alignment import RowAlignment
 
 # Windows and how far the disparity of each is expected to be from that of the one before, pixels.
 _WINDOWS = ((33, 0.5), (9, 0.13))
-_SHARED = 2
+# Neighbours share their noise through smoothing: so many pixels tell as much as one.
+_SHARED_PIXELS = 2
 _MOST_PX = 1.0
 # Errors of matches on rendered ground, by what the window's texture tells.
 _UNTEXTURED_PX = 0.35
@@ -21,7 +22,7 @@ _FLOOR_PX = 0.12
 # Where a window as wide as this shows little more than noise, matches are carried in from afar.
 _WIDE_WINDOW = 25
 _WIDE_SIGNAL = 1.5
-_CARRIED = 1.5
+_FAR_TEXTURE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,15 +67,16 @@ def refine_disparity(
 
     Notes
     -----
-    One step of Lucas and Kanade 1981 along the row, blind to a difference of brightness. What
-    grey levels still differ after the warp tells the image's own noise; a step that this noise
-    could have made is damped. Semi-global matching flattens what has little texture towards the
-    ground plane, and there only a wide window sees more than noise. So 33 x 33 pixels go first (a
-    normal prior of 0.5 px), and 9 x 9 are damped towards their step (0.13 px, about the error of
-    most matches). The noise returned falls with texture, from SGBM's own where there is none,
-    tails and all, and is up to two and a half times that where texture is far, as in a black
-    shadow. A second step would
-    follow the noise further.
+    After Lucas and Kanade 1981, along the row, blind to a difference of brightness. What grey
+    levels still differ after the warp tells the image's own noise; a step that this noise could
+    have made is damped. Semi-global matching flattens what has little texture towards the ground
+    plane, and there only a wide window sees more than noise. So the step of 33 x 33 pixels is
+    found first (a normal prior of 0.5 px), and that of 9 x 9 is damped towards it (0.13 px, about
+    the error of most matches). The images are warped once: a second time would follow the noise.
+
+    The noise returned falls with texture, from SGBM's own where there is none, tails and all, and
+    is up to two and a half times that where texture is far, as in a black shadow. Its powers and
+    constants are those of the errors found on rendered ground.
     """
     known = disparity > 0
     weight = known.astype(np.float32)
@@ -86,37 +88,49 @@ def refine_disparity(
     source = columns[np.newaxis] - disparity - offset - alignment.added_disparity(camera)
     gradient = _sampled(slope, source, rows, cv2.INTER_LINEAR) * weight
     difference = (first - _sampled(second, source, rows, cv2.INTER_CUBIC)) * weight
-    grey_noise = _spread(difference - _mean(difference, _WINDOWS[-1][0]), known)
-    step, untold = np.zeros_like(difference), np.ones_like(difference)
+    narrowest = _WINDOWS[-1][0]
+    share = np.maximum(_mean(weight, narrowest), np.float32(1 / narrowest**2))
+    deviation = difference - _mean(difference, narrowest) / share
+    grey_noise = _spread(np.asarray(deviation, np.float32), known)
+    images = weight, gradient, difference, gradient * gradient, difference * gradient
+    step, untold = np.zeros_like(difference), weight
     for window, prior_px in _WINDOWS:
-        curvature, pull = _normal_equation(gradient, difference, weight, window)
+        curvature, pull, samples = _normal_equation(images, window)
         # Grey-level noise over the prior's: what the curvature must exceed to be believed.
-        independent = window * window / _SHARED
-        damping = np.float32(max(grey_noise, 0.5) ** 2 / (independent * prior_px**2))
-        untold = damping / (curvature + damping)
+        damping = np.float32(max(grey_noise, 0.5) ** 2 / prior_px**2) / samples
+        untold = np.asarray(damping / (curvature + damping), np.float32)
         step = pull / (curvature + damping) + step * untold
     step = np.clip(step, -_MOST_PX, _MOST_PX)
     refined = np.where(known, np.maximum(disparity - step, np.float32(1e-3)), 0).astype(np.float32)
-    noise = np.float32(_UNTEXTURED_PX) * untold * np.sqrt(untold) * _carried(left, grey_noise)
+    noise = np.float32(_UNTEXTURED_PX) * untold * np.sqrt(untold)
+    noise *= _far_texture_factor(left, grey_noise)
     return Refined(refined, np.hypot(noise, np.float32(_FLOOR_PX)), grey_noise)
 
 
 def _normal_equation(
-    gradient: NDArray[np.float32],
-    difference: NDArray[np.float32],
-    weight: NDArray[np.float32],
-    window: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Curvature and pull of the squared difference around each pixel, its mean taken off."""
-    share = np.maximum(_mean(weight, window), np.float32(1e-3))
-    mean_difference = _mean(difference, window) / share
-    mean_gradient = _mean(gradient, window) / share
-    curvature = _mean(gradient * gradient, window) / share - mean_gradient * mean_gradient
-    pull = _mean(difference * gradient, window) / share - mean_difference * mean_gradient
-    return np.maximum(curvature, np.float32(0)), np.asarray(pull, np.float32)
+    images: tuple[NDArray[np.float32], ...], window: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Curvature and pull of the squared difference around each pixel, and how many samples tell.
+
+    Parameters
+    ----------
+    images : tuple of five ndarray of float32, shape (height, width)
+        1 where there is a match; gradient and difference there, their products.
+    window : int
+    """
+    share = np.maximum(_mean(images[0], window), np.float32(1 / window**2))
+    gradient, difference, squares, products = (_mean(each, window) / share for each in images[1:])
+    curvature = np.maximum(squares - gradient * gradient, np.float32(0))
+    pull = products - difference * gradient
+    samples = share * np.float32(window * window / _SHARED_PIXELS)
+    return (
+        np.asarray(curvature, np.float32),
+        np.asarray(pull, np.float32),
+        np.asarray(samples, np.float32),
+    )
 
 
-def _carried(grey: NDArray[np.uint8], grey_noise: float) -> NDArray[np.float32]:
+def _far_texture_factor(grey: NDArray[np.uint8], grey_noise: float) -> NDArray[np.float32]:
     """Tell by what factor the noise grows where texture is far."""
     size = (_WIDE_WINDOW, _WIDE_WINDOW)
     mean = cv2.blur(grey.astype(np.float32), size)
@@ -124,7 +138,7 @@ def _carried(grey: NDArray[np.uint8], grey_noise: float) -> NDArray[np.float32]:
     # The difference of both images has twice the noise's variance.
     noise_variance = np.float32(max(grey_noise, 0.5) ** 2 / 2)
     signal = np.sqrt(np.maximum(variance / noise_variance - 1, 0))
-    return np.asarray(1 + _CARRIED * np.maximum(1 - signal / _WIDE_SIGNAL, 0), np.float32)
+    return np.asarray(1 + _FAR_TEXTURE * np.maximum(1 - signal / _WIDE_SIGNAL, 0), np.float32)
 
 
 def _spread(difference: NDArray[np.float32], known: NDArray[np.bool_]) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.elevation_map import ground_axes
 from rover_obstacle_detection.detection.gravity import GroundPlane
-from rover_obstacle_detection.detection.relief import SHARED_PIXELS
+from rover_obstacle_detection.detection.noise import SHARED_PIXELS
 from rover_obstacle_detection.detection.survey import Layer
 
 _SAMPLES = 2000
@@ -32,7 +32,7 @@ _COST_TOLERANCE = 0.1
 _MIN_BEND_DEG = 6.0
 _MAX_COST_SHARE = 0.6
 _LEVEL_SHARE = 0.5
-# Cells whose height is known to less than this hardly count.
+# A cell whose height is known to so much counts half, one with ten times that hardly.
 _KNOWN_M = 0.2
 
 Cells = NDArray[np.float64]
