@@ -23,7 +23,7 @@ class OutlineModel:
 
     Notes
     -----
-    A U-shaped network (Ronneberger et al. 2015) of some 77,000 weights, trained on
+    A U-shaped network (Ronneberger et al. 2015) of some 124,000 weights, trained on
     rendered scenes by ``scripts/train_outlines.py``. It sees numbers without units (`PLANES`).
     """
 

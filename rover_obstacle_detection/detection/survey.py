@@ -36,6 +36,8 @@ SMOOTHING_M = 0.08
 WITHIN_CELL_M = 0.03
 LEAST_NOISE_M = 0.005
 GROUND_SHARE = 0.5
+# Loose ground slides where it is steeper.
+REPOSE_DEG = 35.0
 
 # A layer ends where two image rows lie a cell and a half apart, and sees a little beyond.
 _ROWS_PER_CELL = 2.0
@@ -191,8 +193,8 @@ def _points(
     below_eye_m = np.maximum(ground.height_m - over_plane_m, 0.3 * ground.height_m)
     noise_m = height_noise_m(disparity, below_eye_m, noise_px)
     across_m, along_m = plane_coordinates(disparity, camera, ground)
-    rise = math.tan(math.radians(config.max_slope))
-    # Ground is what could be driven up to: false matches in the sky would make some nearby.
+    rise = math.tan(math.radians(max(config.max_slope, REPOSE_DEG)))
+    # Ground lies no steeper than it can: false matches in the sky would make some nearby.
     ground_like = in_range & (over_plane_m <= rise * along_m + config.max_step)
     relief = np.float32(WITHIN_CELL_M**2)
     trust = np.where(ground_like, relief / (relief + noise_m * noise_m), 0).astype(np.float32)
