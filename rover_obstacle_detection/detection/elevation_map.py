@@ -134,7 +134,9 @@ def cell_means(
     """
     inside = weights > 0
     rows, columns = positions.shape
-    cell = _cells(inside, positions)
+    cell = (positions.row[inside] + 0.5).astype(np.intp)
+    cell *= columns
+    cell += (positions.column[inside] + 0.5).astype(np.intp)
     weight = weights[inside]
     total = np.bincount(cell, weights=weight, minlength=rows * columns)
     summed = np.bincount(cell, weights=weight * values[inside], minlength=rows * columns)
@@ -143,27 +145,6 @@ def cell_means(
         mean.astype(np.float32).reshape(rows, columns),
         total.astype(np.float32).reshape(rows, columns),
     )
-
-
-def cell_sums(values: NDArray[np.float32], positions: MapPositions) -> Grid:
-    """Sum of the pixels in each cell.
-
-    Parameters
-    ----------
-    values : ndarray of float32, shape (height, width)
-        0 or more; 0 where the pixel is not on the map.
-    positions : MapPositions
-
-    Returns
-    -------
-    ndarray of float32, shape of the map
-    """
-    inside = values > 0
-    rows, columns = positions.shape
-    total = np.bincount(
-        _cells(inside, positions), weights=values[inside], minlength=rows * columns
-    )
-    return total.astype(np.float32).reshape(rows, columns)
 
 
 def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
@@ -175,14 +156,6 @@ def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
         ),
         np.float32,
     )  # fmt: skip
-
-
-def _cells(inside: NDArray[np.bool_], positions: MapPositions) -> NDArray[np.intp]:
-    """Give the number of the cell in which each of the pixels lies, row by row."""
-    cell = (positions.row[inside] + 0.5).astype(np.intp)
-    cell *= positions.shape[1]
-    cell += (positions.column[inside] + 0.5).astype(np.intp)
-    return cell
 
 
 def _extent(cells: NDArray[np.float32], usable: NDArray[np.bool_]) -> tuple[int, int]:

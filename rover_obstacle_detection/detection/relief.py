@@ -18,6 +18,8 @@ Grid = NDArray[np.float32]
 # What a wheel feels, and up to a wheel base or so where noise leaves no choice.
 SCALES_M = (0.14, 0.2, 0.3, 0.5)
 RELIEF_M = 0.10
+# Share of a pixel's noise that all around it have in common, as from the pull to whole pixels.
+COMMON_SHARE = 0.5
 # More noise than this would make slopes of 20 degrees out of passable ground too often.
 TOLERATED_DEG = 3.0
 # Against division by zero: a rise is biased by as much.
@@ -111,8 +113,13 @@ def ground_height(layer: Layer) -> tuple[Grid, Grid]:
     # The map goes on as it ends: fading to zero would make a hollow of its edge.
     height_m = cv2.GaussianBlur(layer.ground_m, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
     own = max(RELIEF_M / cell_m, 1.0)
-    around = cv2.GaussianBlur(
-        layer.information, (0, 0), own, borderType=cv2.BORDER_CONSTANT
-    ) * np.float32(2 * math.pi * own**2)
-    noise_m = np.sqrt(SHARED_PIXELS / np.maximum(2 * around, 1e-3))
-    return np.asarray(height_m, np.float32), np.asarray(noise_m, np.float32)
+    around, noise = (
+        cv2.GaussianBlur(grid, (0, 0), own, borderType=cv2.BORDER_CONSTANT)
+        for grid in (layer.information, layer.information * layer.noise_m)
+    )
+    samples = around * np.float32(2 * 2 * math.pi * own**2 / SHARED_PIXELS)
+    mean_noise_m = 1 / np.sqrt(np.maximum(samples, 1e-5))
+    common_m = COMMON_SHARE * noise / np.maximum(around, 1e-5)
+    return np.asarray(height_m, np.float32), np.asarray(
+        np.hypot(mean_noise_m, common_m), np.float32
+    )

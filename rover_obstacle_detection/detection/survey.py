@@ -15,7 +15,6 @@ from rover_obstacle_detection.detection.elevation_map import (
     Grid,
     MapPositions,
     cell_means,
-    cell_sums,
     map_positions,
     plane_coordinates,
     sample_map,
@@ -59,6 +58,8 @@ class Layer:
         Mean height of each cell's pixels over the plane, metres.
     information : ndarray of float32, shape of the map
         What is known of a cell's height: sum over its pixels of 1 / variance, per square metre.
+    noise_m : ndarray of float32, shape of the map
+        Standard deviation of the height of one of its pixels, metres; 0 in empty cells.
     is_ground : ndarray of bool, shape of the map
         Seen cells that show the ground, and nothing that stands on it.
     ground_m : ndarray of float32, shape of the map
@@ -72,6 +73,7 @@ class Layer:
     positions: MapPositions
     mean_m: Grid
     information: Grid
+    noise_m: Grid
     is_ground: NDArray[np.bool_]
     ground_m: Grid
     seen: NDArray[np.bool_]
@@ -143,7 +145,7 @@ def survey(
     square, so one cell size cannot serve a near and a far rock: each layer's cells are twice as
     wide as those of the one before.
     """
-    points, noise_m = _points(disparity, noise_px, expected, camera, ground, config)
+    points = _points(disparity, noise_px, expected, camera, ground, config)
     height_m = np.full_like(disparity, np.nan)
     layers = []
     nearest_m = -math.inf
@@ -157,7 +159,7 @@ def survey(
         np.copyto(height_m[layer.rows], above_m, where=layer.pixels)
         layers.append(layer)
     pixels_per_metre = disparity / np.float32(camera.baseline_m)
-    return Terrain(height_m, noise_m, pixels_per_metre, tuple(layers))
+    return Terrain(height_m, points.noise_m, pixels_per_metre, tuple(layers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +170,7 @@ class _Points:
     over_plane_m: Image
     across_m: Image
     along_m: Image
+    noise_m: Image
     trust: Image
     information: Image
 
@@ -179,8 +182,8 @@ def _points(
     camera: StereoCamera,
     ground: GroundPlane,
     config: DetectorConfig,
-) -> tuple[_Points, Image]:
-    """Bring every pixel over the plane; with it comes the noise of its height, metres."""
+) -> _Points:
+    """Bring every pixel over the plane."""
     in_range = disparity > camera.disparity_at(config.max_range)
     over_plane_m = np.zeros_like(disparity)
     np.divide(
@@ -200,7 +203,7 @@ def _points(
     trust = np.where(ground_like, relief / (relief + noise_m * noise_m), 0).astype(np.float32)
     variance = noise_m * noise_m + np.float32(LEAST_NOISE_M**2)
     information = np.reciprocal(variance).astype(np.float32)
-    return _Points(in_range, over_plane_m, across_m, along_m, trust, information), noise_m
+    return _Points(in_range, over_plane_m, across_m, along_m, noise_m, trust, information)
 
 
 def _map_layer(
@@ -227,8 +230,20 @@ def _map_layer(
         smoothing_m=max(SMOOTHING_M, 1.2 * cell_m),
         tolerance_m=GROUND_SHARE * config.max_step,
     )
-    information = cell_sums(points.information[rows] * (trust > 0), positions)
-    return Layer(rows, positions, mean_m, information, trusted > 0, ground_m, weight > 0, pixels)
+    cell_noise_m, information = cell_means(
+        points.noise_m[rows], points.information[rows] * (trust > 0), positions
+    )
+    return Layer(
+        rows,
+        positions,
+        mean_m,
+        information,
+        cell_noise_m,
+        trusted > 0,
+        ground_m,
+        weight > 0,
+        pixels,
+    )
 
 
 def rows_with(pixels: NDArray[np.bool_]) -> slice:
