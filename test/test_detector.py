@@ -302,7 +302,7 @@ def test_tiny_and_odd_sizes(method, width, height):
         assert product.dtype == dtype
     assert found.regions.min() >= 1
     # So small, a step at 2 m is three pixels, and noise looks like rocks.
-    assert (found.mask > 0).mean() < 0.4
+    assert (found.mask > 0).mean() < 0.5
 
 
 @pytest.mark.parametrize(('width', 'height'), [(1, 1), (15, 100), (100, 15)])

@@ -42,6 +42,9 @@ def test_slope_is_measured_to_the_edge_of_what_is_seen(slope):
     np.testing.assert_allclose(angle[inside], slope, atol=1.5)
 
 
+GRIDS = 'mean_m', 'information', 'noise_m', 'ground_m'
+
+
 def strip_of(width, slope_deg, noise_m):
     """A map of which only so many columns are seen, rising forward."""
     layer = cells_of(flat)
@@ -71,7 +74,7 @@ def test_a_narrow_strip_is_known_no_worse_by_wider_scales(width, noise_m):
 @pytest.mark.parametrize('shape', [(1, 1), (1, 40), (40, 1), (3, 3)])
 def test_tiny_and_empty_maps(shape):
     layer = cells_of(flat)
-    grids = {name: np.zeros(shape, np.float32) for name in ('mean_m', 'information', 'ground_m')}
+    grids = {name: np.zeros(shape, np.float32) for name in GRIDS}
     for seen in (False, True):
         mask = np.full(shape, seen)
         small = replace(layer, is_ground=mask, seen=mask, **grids)
@@ -108,4 +111,6 @@ def test_height_is_smoothed_a_little_and_known_the_less_the_more_noise():
     inner[:6] = inner[-6:] = inner[:, :6] = inner[:, -6:] = False
     np.testing.assert_allclose(height_m[inner], layer.ground_m[inner], atol=0.02)
     _, noisier_m = ground_height(replace(layer, information=layer.information / 100))
-    np.testing.assert_allclose(noisier_m[inner], 10 * noise_m[inner], rtol=0.05)
+    assert (noisier_m[inner] > noise_m[inner]).all()
+    # However many pixels there are, some of their noise stays.
+    np.testing.assert_array_less(0.5 * layer.noise_m[inner].min(), noise_m[inner] * 1.001)

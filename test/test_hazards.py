@@ -235,6 +235,7 @@ def rough(heights_m, *, noise_m=0.001, rocks=None, **config):
         positions,
         mean_m=level,
         information=level + 1,
+        noise_m=level,
         is_ground=np.ones(positions.shape, bool),
         ground_m=level,
         seen=np.ones(positions.shape, bool),

@@ -222,7 +222,8 @@ def test_region_in_the_dark_is_judged_by_its_grey_level():
     right[90:150, 120:230] = generator.integers(0, 256, (60, 110))
     # With penalties as low as these no disparity is carried into the patch.
     config = DetectorConfig(min_seed_points=100_000, P1=100.0, P2=400.0)
-    detector = Detector(scene.camera, config)
+    # The filter may hold a bright patch without 3D for a rock: not what is asked here.
+    detector = Detector(scene.camera, config, leave_out=frozenset({'sight'}))
     inner = np.s_[94:146, 144:226]
     for level, dark in ((8, True), (200, False)):
         left = view.left.copy()
