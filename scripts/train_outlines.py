@@ -15,6 +15,7 @@ others.
 from __future__ import annotations
 
 import argparse
+import copy
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -79,6 +80,29 @@ class Corrected(nn.Module):
     def forward(self, planes: torch.Tensor) -> torch.Tensor:
         """Return the same shape."""
         return torch.relu(planes + self.correction(planes))
+
+
+class Folded(nn.Module):
+    """The same without a sum, which OpenCV 4.8 cannot import: the last convolution adds."""
+
+    def __init__(self, corrected: Corrected) -> None:
+        super().__init__()
+        *before, last = corrected.correction
+        assert isinstance(last, nn.Conv2d)
+        self.before = nn.Sequential(*before) if before else None
+        width = last.out_channels
+        self.last = nn.Conv2d(width * (2 if before else 1), width, 3, 1, 1)
+        weight = torch.zeros_like(self.last.weight)
+        weight[:, :width] = last.weight.data
+        weight[torch.arange(width), torch.arange(-width, 0), 1, 1] += 1
+        self.last.weight.data = weight
+        self.last.bias.data = last.bias.data.clone()
+
+    def forward(self, planes: torch.Tensor) -> torch.Tensor:
+        """Return what the other would."""
+        if self.before is not None:
+            planes = torch.cat((self.before(planes), planes), 1)
+        return torch.relu(self.last(planes))
 
 
 class OutlineNet(nn.Module):
@@ -336,7 +360,10 @@ def mean_iou(net: OutlineNet, examples: Sequence[Example]) -> float:
 
 def export(net: OutlineNet, path: Path) -> None:
     """Write the network for OpenCV, for images of any size that is a multiple of eight."""
-    net.eval().to(memory_format=torch.contiguous_format)
+    net = copy.deepcopy(net).eval().to(memory_format=torch.contiguous_format)
+    for number, module in enumerate(net.correct):
+        if isinstance(module, Corrected):
+            net.correct[number] = Folded(module)
     torch.onnx.export(
         net,
         (torch.zeros(1, len(PLANES), CROP, CROP),),
