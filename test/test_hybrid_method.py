@@ -16,7 +16,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.cue import Cue
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.gravity import Gravity
-from rover_obstacle_detection.detection.hybrid import going_on
+from rover_obstacle_detection.detection.hybrid import slope_beyond_border
 from rover_obstacle_detection.detection.regions import nearest_known
 
 BLOCK = (Box(0.0, 1.2, 0.3, 0.3, 0.3),)
@@ -177,14 +177,14 @@ def test_slope_is_carried_on_only_into_what_the_right_eye_does_not_see():
     measured[5:, 20:90] = True
     disparity = np.where(measured, 20, 0).astype(np.float32)
     nearest = nearest_known(measured, np.full(steep.shape, 10, np.float32))
-    found = going_on(steep & measured, nearest, disparity, camera)
+    found = slope_beyond_border(steep & measured, nearest, disparity, camera)
     # Not above, where the right eye sees as much, nor beside a speck.
     expected = np.zeros_like(steep)
     expected[5:40, 10:20] = True
     np.testing.assert_array_equal(found[6:39], expected[6:39])
     assert not found[:, 26:].any()
     assert not found[50:].any()
-    near = going_on(steep & measured, nearest, disparity / 10, camera)
+    near = slope_beyond_border(steep & measured, nearest, disparity / 10, camera)
     assert not near[:, 8:].any()
 
 

@@ -134,7 +134,7 @@ def detect_hybrid(
     segments = segment(stereo, terrain, config)
     finished('segmentation')
     nearest = nearest_known(terrain.measured, REACH_M * terrain.pixels_per_metre)
-    steep |= going_on(steep, nearest, stereo.disparity, camera)
+    steep |= slope_beyond_border(steep, nearest, stereo.disparity, camera)
     near_rock, dark = complete_by_regions(rocks.high, nearest, segments, stereo, camera, config)
     near_rock &= 'regions' not in leave_out
     dark &= 'grey level' not in leave_out
@@ -206,7 +206,7 @@ def segment(stereo: Stereo, terrain: Terrain, config: DetectorConfig) -> Segment
     return Segments(regions, seed_regions(regions, stereo.disparity > 0, config.min_seed_points))
 
 
-def going_on(
+def slope_beyond_border(
     steep: NDArray[np.bool_],
     nearest: Nearest,
     disparity: NDArray[np.float32],

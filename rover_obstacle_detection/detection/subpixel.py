@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.row_alignment import RowAlignment
 # Windows and how far the disparity of each is expected to be from that of the one before, pixels.
 _WINDOWS = ((33, 0.5), (9, 0.13))
 # Neighbours share their noise through smoothing: so many pixels tell as much as one.
-_SHARED_PIXELS = 2
+_PIXELS_PER_SAMPLE = 2
 _MOST_PX = 1.0
 # Errors of matches on rendered ground, by what the window's texture tells.
 _UNTEXTURED_PX = 0.35
@@ -122,7 +122,7 @@ def _normal_equation(
     gradient, difference, squares, products = (_mean(each, window) / share for each in images[1:])
     curvature = np.maximum(squares - gradient * gradient, np.float32(0))
     pull = products - difference * gradient
-    samples = share * np.float32(window * window / _SHARED_PIXELS)
+    samples = share * np.float32(window * window / _PIXELS_PER_SAMPLE)
     return (
         np.asarray(curvature, np.float32),
         np.asarray(pull, np.float32),
