@@ -213,7 +213,7 @@ class DetectorConfig:
     )
 
     min_confidence: float = _parameter(
-        0.5,
+        0.9,
         'Method hybrid: specks of steep or low ground with less confidence than this are no '
         'obstacles, and their pixels unknown; 0: all are obstacles.',
         0.0,

@@ -12,7 +12,7 @@ from rover_obstacle_detection.detection.elevation_map import Grid, ground_axes
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.relief import Rise
 
-LOST_SLOPE_DEG = 1.5
+LOST_SLOPE_DEG = 2.5
 STEEP_SHARE = 0.4
 # A rise with so much noise may be anything.
 UNTOLD_DEG = 20.0
@@ -31,7 +31,7 @@ def steep_cells(rise: Rise, ground: GroundPlane, max_slope_deg: float) -> NDArra
 
     Notes
     -----
-    Smoothing takes a degree or two off a slope where it begins and ends: what is connected and
+    Smoothing takes a few degrees off a slope where it begins and ends: what is connected and
     hardly less steep belongs to it, if a good part of the whole is steep enough. A rise that may
     be anything is none.
     """
