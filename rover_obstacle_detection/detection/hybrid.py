@@ -64,6 +64,8 @@ TEXTURE_BANDWIDTH = 3.0
 MIN_PIXELS = 12
 # How far a rock's region, or a slope, may go on where nothing is measured, metres.
 REACH_M = 0.35
+# What the outline filter holds for less likely than this, no region makes a rock.
+REGION_PROBABILITY = 0.3
 # Where the right image ends there are no matches, by so much and less.
 BORDER_PX = 5
 # Of the image: less is a speck.
@@ -135,7 +137,7 @@ def detect_hybrid(
     finished('segmentation')
     nearest = nearest_known(terrain.measured, REACH_M * terrain.pixels_per_metre)
     steep |= slope_beyond_border(steep, nearest, stereo.disparity, camera)
-    near_rock, dark = complete_by_regions(rocks.high, nearest, segments, stereo, camera, config)
+    near_rock, dark = complete_by_regions(rocks, nearest, segments, stereo, camera, config)
     near_rock &= 'regions' not in leave_out
     dark &= 'grey level' not in leave_out
     finished('regions')
@@ -227,7 +229,7 @@ def slope_beyond_border(
 
 
 def complete_by_regions(
-    rocks: NDArray[np.bool_],
+    rocks: Rocks,
     nearest: Nearest,
     segments: Segments,
     stereo: Stereo,
@@ -237,14 +239,15 @@ def complete_by_regions(
     """Find the pixels that only their region makes an obstacle: near a rock, or dark.
 
     A pixel without 3D in a seed region goes with the nearest measured pixel, if that is of the
-    same region. A region without 3D, though the right eye sees it, is judged by its grey level.
+    same region, unless the outline filter holds it for anything but a rock. A region without 3D,
+    though the right eye sees it, is judged by its grey level.
     """
     unmatched = stereo.disparity == 0
-    near_rock, dark = np.zeros_like(rocks), np.zeros_like(rocks)
+    near_rock, dark = np.zeros_like(rocks.high), np.zeros_like(rocks.high)
     if not unmatched.any():
         return near_rock, dark
     regions, is_seed = segments.regions, segments.is_seed
-    beside = carried(rocks, nearest, regions)
+    beside = carried(rocks.high, nearest, regions) & ~(rocks.probability < REGION_PROBABILITY)
     near_rock[unmatched] = beside[unmatched] & is_seed[regions[unmatched]]
     is_dark = dark_regions(stereo.pair[0], regions, is_seed, config.dark_grey_level)
     if is_dark.any():
