@@ -8,9 +8,8 @@ reports on those and on the scenes ``tune_*`` of the standard suite; those named
 never reads. Needs PyTorch, the package needs only the file that comes out of it. On two cores that
 takes half an hour or more, once the scenes are there. The weights that are shipped came of a dozen
 such runs, each begun from the last one's weights (`--start`) as scenes, variation and layers were
-added: channels with small random weights, corrections with none. The last of them are means of
-runs from the same start (Wortsman et al. 2022): `--start A B --steps 0`. A run from the beginning
-gives others.
+added: channels with small random weights, corrections with none. Shipped is the mean of the last
+three (`--start A B C --steps 0`; Wortsman et al. 2022). A run from the beginning gives others.
 """
 
 from __future__ import annotations
@@ -191,11 +190,14 @@ def main() -> None:
 
 def begin_from(net: OutlineNet, paths: Sequence[Path]) -> None:
     """Take the mean of weights; of a network without corrections as well, which are then none."""
-    every = [torch.load(path) for path in paths]
-    mean = {name: sum(weights[name] for weights in every) / len(every) for name in every[0]}
-    missing, unexpected = net.load_state_dict(mean, strict=False)
-    if unexpected or not all(name.startswith('correct.') for name in missing):
-        sys.exit(f'{paths[0]}: not of this network: missing {missing}, not known {unexpected}')
+    every = []
+    for path in paths:
+        missing, unexpected = net.load_state_dict(torch.load(path), strict=False)
+        if unexpected or not all(name.startswith('correct.') for name in missing):
+            sys.exit(f'{path}: not of this network: missing {missing}, not known {unexpected}')
+        every.append({name: value.clone() for name, value in net.state_dict().items()})
+    mean = {name: sum(each[name] for each in every) / len(every) for name in every[0]}
+    net.load_state_dict(mean)
 
 
 def frames_of(suite: str, chosen: Callable[[str], bool]) -> Iterator[LabelledFrame]:
