@@ -24,7 +24,7 @@ EYE = Eye(pitch_deg=40.0, height_m=1.5)
 def terrain(height_m, noise_m=0.001):
     height_m = np.asarray(height_m, np.float32)
     noise = np.broadcast_to(np.float32(noise_m), height_m.shape)
-    return Terrain(height_m, noise, np.full_like(height_m, 200), ())
+    return Terrain(height_m, noise, np.ones_like(noise), np.full_like(height_m, 200), ())
 
 
 def raised(*parts):
@@ -239,11 +239,13 @@ def rough(heights_m, *, noise_m=0.001, rocks=None, **config):
         is_ground=np.ones(positions.shape, bool),
         ground_m=level,
         seen=np.ones(positions.shape, bool),
+        eye_m=level + 1,
         pixels=np.ones(height_m.shape, bool),
     )
     terrain = Terrain(
         height_m,
         np.full(height_m.shape, noise_m, np.float32),
+        np.ones_like(height_m),
         np.full(height_m.shape, 100, np.float32),
         (layer,),
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rover_obstacle_detection.detection.local_ground import local_ground, smoothed
+from rover_obstacle_detection.detection.sight import Sight
 
 CELL_M = 0.04
 SHAPE = (90, 100)
@@ -14,7 +15,8 @@ SCALES = {'opening_m': 0.8, 'trend_m': 0.4, 'smoothing_m': 0.08, 'tolerance_m': 
 def ground_under(height, weight=None):
     weight = np.ones(SHAPE) if weight is None else weight
     weight = np.asarray(weight, np.float32)
-    found, trust = local_ground(np.asarray(height, np.float32), weight, CELL_M, **SCALES)
+    ground = local_ground(np.asarray(height, np.float32), weight, CELL_M, **SCALES)
+    found, trust = ground.height_m, ground.trust
     assert ((trust == weight) | (trust == 0)).all()
     assert found.dtype == np.float32
     assert found.shape == SHAPE
@@ -46,7 +48,7 @@ def test_ground_is_told_from_what_stands_on_it_and_its_foot():
     terrain = np.zeros(SHAPE)
     terrain[40:50, 40:50] = 0.3
     weight = np.ones(SHAPE, np.float32)
-    _, trust = local_ground(terrain.astype(np.float32), weight, CELL_M, **SCALES)
+    trust = local_ground(terrain.astype(np.float32), weight, CELL_M, **SCALES).trust
     assert not trust[39:51, 39:51].any()
     assert trust[:37].all()
     assert trust[53:].all()
@@ -108,15 +110,28 @@ def test_noise_is_averaged():
     assert np.abs(ground_under(noise)).mean() < 0.008
 
 
+@pytest.mark.parametrize('share', [0.0, 0.02])
+def test_noise_of_a_bank_far_away_takes_no_ground_from_it(share):
+    # Level ground beyond a fall, over the plane of the fall: the eye looks along the plane.
+    bank = 0.5 * CELL_M * ROWS
+    noise = np.random.default_rng(3).normal(0, 0.08, SHAPE)
+    height = np.asarray(bank + noise, np.float32)
+    sight = Sight(1.2, 50.0, -500.0, np.full(SHAPE, share, np.float32))
+    weight = np.ones(SHAPE, np.float32)
+    trust = local_ground(height, weight, CELL_M, **SCALES, sight=sight).trust
+    # The eye is 11 m over the bank, so that 2 % of the distance are 0.2 m of height.
+    assert ((trust > 0).mean() > 0.9) == (share > 0)
+
+
 def test_nothing_seen_is_flat():
     np.testing.assert_allclose(ground_under(np.zeros(SHAPE), np.zeros(SHAPE)), 0, atol=1e-6)
 
 
 @pytest.mark.parametrize('shape', [(1, 1), (2, 30), (30, 2)])
 def test_tiny_maps(shape):
-    found, _ = local_ground(
+    found = local_ground(
         np.full(shape, 0.1, np.float32), np.ones(shape, np.float32), CELL_M, **SCALES
-    )
+    ).height_m
     assert found.shape == shape
     np.testing.assert_allclose(found, 0.1, atol=0.01)
 

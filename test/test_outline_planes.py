@@ -39,7 +39,8 @@ def scene(scale=1.0, gaps=()):
         height[gap], noise[gap], pixels_per_metre[gap] = NAN, np.inf, 0
     parts = np.where(height > 0.2, 3, 0).astype(np.int32)
     top_m = np.array([0, 0, 0, 0.3 * scale], np.float32)
-    terrain = Terrain(height * scale, noise * scale, pixels_per_metre / scale, ())
+    below_eye = np.full(SHAPE, scale, np.float32)
+    terrain = Terrain(height * scale, noise * scale, below_eye, pixels_per_metre / scale, ())
     return terrain, Standing(parts, top_m)
 
 

@@ -29,6 +29,7 @@ def terrain_of(height_m=0.0, noise_m=0.005, step_px=30.0, measured=True):
     return Terrain(
         height,
         np.full(SHAPE, noise_m, np.float32),
+        np.ones(SHAPE, np.float32),
         np.full(SHAPE, step_px / CONFIG.max_step, np.float32),
         (),
     )

@@ -9,6 +9,7 @@ from synthetic import pinhole
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.survey import MAX_LAYERS, layer_spans, survey
 
 EYE = Eye()
@@ -139,13 +140,40 @@ def test_noise_is_that_of_each_pixel():
     np.testing.assert_allclose(found.noise_m[100:, 100:], 3 * found.noise_m[100:, 99::-1])
 
 
-@pytest.mark.parametrize('height', [0.4, -0.4])
+@pytest.mark.parametrize('height', [0.2, 0.4])
 def test_noise_follows_how_far_below_the_eye_a_point_is(height):
-    terrain, disparity, x, y = EYE.survey(block(0.0, 2.0, 0.8, height), noise_px=0.1)
-    within = on_block(0, 2, 0.8, x, y)
+    terrain, disparity, x, y = EYE.survey(block(0.0, 2.0, 0.4, height), noise_px=0.1)
+    within = on_block(0, 2, 0.4, x, y)
     assert np.count_nonzero(within) > 10
     expected = (EYE.height_m - height) * 0.1 / disparity[within]
     np.testing.assert_allclose(terrain.noise_m[within], expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize('rise', [-0.1, 0.2, 0.35])
+def test_noise_on_a_bank_is_what_an_error_of_disparity_makes_of_heights_over_it(rise):
+    disparity, _, y = EYE.look(bank(math.degrees(math.atan(rise)), 4.0))
+    error_px = 0.02
+    off = disparity + np.float32(error_px) * (disparity > 0)
+    terrain = survey(
+        disparity,
+        np.full_like(disparity, error_px),
+        EYE.expected(),
+        EYE.camera,
+        EYE.level_ground,
+        DetectorConfig(),
+    )
+    on_bank = (y > 5) & (y < 12) & terrain.measured
+    assert np.count_nonzero(on_bank) > 500
+    # By hand: where the point comes to lie, over the bank under it.
+    points = reproject(np.where(disparity > 0, off, 0).astype(np.float32), EYE.camera)
+    _, y_off, z_off = np.moveaxis(points @ EYE.axes.T, -1, 0)
+    moved_m = z_off + EYE.height_m - rise * np.maximum(y_off - 4.0, 0)
+    np.testing.assert_allclose(
+        terrain.noise_m[on_bank], np.abs(moved_m[on_bank]), rtol=0.15, atol=1e-3
+    )
+    assert np.median(terrain.below_eye_m[on_bank]) == pytest.approx(
+        EYE.height_m + 4.0 * rise, rel=0.05
+    )
 
 
 def test_what_stands_as_high_as_the_eye_is_not_without_noise():

@@ -2,13 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.local_regression import local_planes
+from rover_obstacle_detection.detection.local_regression import LocalPlanes, local_planes
+from rover_obstacle_detection.detection.sight import Sight
 
 Grid = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class LocalGround:
+    """The ground under and between the obstacles.
+
+    Parameters
+    ----------
+    height_m : ndarray of float32, shape (rows, columns)
+        Height of the ground over the plane, metres, everywhere: empty cells take the trend of
+        those around them.
+    trust : ndarray of float32, shape (rows, columns)
+        Trust in the cells that show the ground; 0 in the others.
+    trend : LocalPlanes
+        Of the ground around each cell.
+    """
+
+    height_m: Grid
+    trust: Grid
+    trend: LocalPlanes
 
 
 def local_ground(
@@ -20,7 +43,8 @@ def local_ground(
     trend_m: float,
     smoothing_m: float,
     tolerance_m: float,
-) -> tuple[Grid, Grid]:
+    sight: Sight | None = None,
+) -> LocalGround:
     """Estimate the ground under and between the obstacles.
 
     Parameters
@@ -39,14 +63,12 @@ def local_ground(
         Standard deviation of the final mean, metres.
     tolerance_m : float
         Cells within so much of the trend are ground, metres.
+    sight : Sight, optional
+        Tells the noise, which is tolerated as well; without it there is none.
 
     Returns
     -------
-    ground_m : ndarray of float32, shape (rows, columns)
-        Height of the ground over the plane, metres, everywhere: empty cells take the trend of
-        those around them.
-    trust : ndarray of float32, shape (rows, columns)
-        ``weight`` of the cells that show the ground; 0 in the others.
+    LocalGround
 
     Notes
     -----
@@ -56,15 +78,20 @@ def local_ground(
     """
     present = weight > 0
     filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
-    envelope = _opened(filled, present, max(3, round(opening_m / cell_m) | 1))
-    ground, tolerated_m = envelope, tolerance_m
+    ground = _opened(filled, present, max(3, round(opening_m / cell_m) | 1))
+    tolerated_m = tolerance_m
+    trend = local_planes(height_m, weight, trend_m / cell_m) if sight else None
     for _ in range(2):
-        near = _without_feet(present & (height_m - ground < tolerated_m), present)
+        with_noise_m: float | Grid = tolerated_m
+        if sight and trend:
+            with_noise_m = np.hypot(np.float32(tolerated_m), sight.noise_m(trend))
+        near = _without_feet(present & (height_m - ground < with_noise_m), present)
         trusted = np.where(near, weight, 0).astype(np.float32)
-        trend = local_planes(height_m, trusted, trend_m / cell_m).height
-        ground = _follow(height_m, trusted, trend, smoothing_m / cell_m)
+        trend = local_planes(height_m, trusted, trend_m / cell_m)
+        ground = _follow(height_m, trusted, trend.height, smoothing_m / cell_m)
         tolerated_m = tolerance_m * 0.6
-    return ground, trusted
+    assert trend
+    return LocalGround(ground, trusted, trend)
 
 
 def _without_feet(near: NDArray[np.bool_], present: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -41,19 +41,18 @@ def parallax_evidence(
     -----
     A likelihood ratio of two hypotheses, for Gaussian noise. Blocks and smoothness make disparity
     coherent where nothing supports it; this looks at 3 x 3 pixels alone. A point at height h over
-    the ground, seen from a height h_c over it with disparity d, hides ground whose disparity d_g
-    fulfils 1 / d_g = 1 / d + h / (h_c e), with e that of the ground plane at the pixel.
+    the ground, to which the ray comes down by b from the eye, hides ground whose disparity d_g
+    fulfils 1 / d_g = (1 + h / b) / d.
     """
     rows, columns = window
-    disparity, expected = stereo.disparity[window], stereo.expected[window]
-    usable = terrain.measured[window] & (expected > 0.5)
+    disparity = stereo.disparity[window]
+    usable = terrain.measured[window].copy()
     evidence = np.zeros(disparity.shape, np.float32)
     if not usable.any():
         return evidence
     height_m = np.where(usable, terrain.height_m[window], 0)
-    eye_m = np.float32(stereo.ground.height_m)
     with np.errstate(divide='ignore'):
-        inverse = 1 / disparity + height_m / (eye_m * expected)
+        inverse = (1 + height_m / terrain.below_eye_m[window]) / disparity
     usable &= inverse > 1 / np.float32(2 * camera.width)
     on_ground = np.where(usable, 1 / np.where(usable, inverse, 1), 0).astype(np.float32)
     first = stereo.pair[0][window].astype(np.float32)

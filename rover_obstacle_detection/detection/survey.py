@@ -22,6 +22,7 @@ from rover_obstacle_detection.detection.elevation_map import (
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.local_ground import local_ground
 from rover_obstacle_detection.detection.noise import height_noise_m
+from rover_obstacle_detection.detection.sight import Sight, come_down_m
 
 Image = NDArray[np.float32]
 
@@ -59,12 +60,15 @@ class Layer:
     information : ndarray of float32, shape of the map
         What is known of a cell's height: sum over its pixels of 1 / variance, per square metre.
     noise_m : ndarray of float32, shape of the map
-        Standard deviation of the height of one of its pixels, metres; 0 in empty cells.
+        Standard deviation of the height over the plane of one of its pixels, metres; 0 in empty
+        cells.
     is_ground : ndarray of bool, shape of the map
         Seen cells that show the ground, and nothing that stands on it.
     ground_m : ndarray of float32, shape of the map
         Height of the ground over the plane, metres.
     seen : ndarray of bool, shape of the map
+    eye_m : ndarray of float32, shape of the map
+        Height of the eye over the plane that the ground around each cell lies in, metres.
     pixels : ndarray of bool, shape (rows, width)
         Pixels of those rows within its span.
     """
@@ -77,6 +81,7 @@ class Layer:
     is_ground: NDArray[np.bool_]
     ground_m: Grid
     seen: NDArray[np.bool_]
+    eye_m: Grid
     pixels: NDArray[np.bool_]
 
 
@@ -90,6 +95,9 @@ class Terrain:
         Above the local ground, metres; NaN where there is no 3D within range.
     noise_m : ndarray of float32, shape (height, width)
         Its standard deviation, metres; infinite where there is no match.
+    below_eye_m : ndarray of float32, shape (height, width)
+        How far the ray to each point comes down from the eye, against the ground around the
+        point, metres: a share of its distance changes its height by that share of this.
     pixels_per_metre : ndarray of float32, shape (height, width)
         Of the image, at the pixel's distance; 0 where there is no match.
     layers : tuple of Layer
@@ -98,6 +106,7 @@ class Terrain:
 
     height_m: Image
     noise_m: Image
+    below_eye_m: Image
     pixels_per_metre: Image
     layers: tuple[Layer, ...]
 
@@ -109,7 +118,11 @@ class Terrain:
     def within(self, window: tuple[slice, slice]) -> Terrain:
         """Give the same of a window of the image, without the layers."""
         return Terrain(
-            self.height_m[window], self.noise_m[window], self.pixels_per_metre[window], ()
+            self.height_m[window],
+            self.noise_m[window],
+            self.below_eye_m[window],
+            self.pixels_per_metre[window],
+            (),
         )
 
 
@@ -147,19 +160,28 @@ def survey(
     """
     points = _points(disparity, noise_px, expected, camera, ground, config)
     height_m = np.full_like(disparity, np.nan)
+    below_eye_m = points.below_eye_m.copy()
     layers = []
     nearest_m = -math.inf
     spans = list(layer_spans(camera, ground.height_m, config))
     for cell_m, farthest_m in spans if layered else [(spans[0][0], math.inf)]:
-        layer = _map_layer(points, cell_m, (nearest_m, farthest_m), config)
+        layer = _map_layer(points, cell_m, (nearest_m, farthest_m), ground.height_m, config)
         nearest_m = farthest_m
         if layer is None:
             continue
         above_m = points.over_plane_m[layer.rows] - sample_map(layer.ground_m, layer.positions)
         np.copyto(height_m[layer.rows], above_m, where=layer.pixels)
+        # A point moves along its ray, which comes down from the eye to where the point is.
+        below_m = come_down_m(sample_map(layer.eye_m, layer.positions) - above_m, ground.height_m)
+        np.copyto(below_eye_m[layer.rows], below_m, where=layer.pixels)
         layers.append(layer)
-    pixels_per_metre = disparity / np.float32(camera.baseline_m)
-    return Terrain(height_m, points.noise_m, pixels_per_metre, tuple(layers))
+    return Terrain(
+        height_m,
+        height_noise_m(disparity, below_eye_m, noise_px),
+        below_eye_m,
+        disparity / np.float32(camera.baseline_m),
+        tuple(layers),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +192,7 @@ class _Points:
     over_plane_m: Image
     across_m: Image
     along_m: Image
+    below_eye_m: Image
     noise_m: Image
     trust: Image
     information: Image
@@ -192,8 +215,7 @@ def _points(
         out=over_plane_m,
         where=in_range,
     )
-    # A point moves along its ray, which comes down from the eye to where the point is.
-    below_eye_m = np.maximum(ground.height_m - over_plane_m, 0.3 * ground.height_m)
+    below_eye_m = come_down_m(ground.height_m - over_plane_m, ground.height_m)
     noise_m = height_noise_m(disparity, below_eye_m, noise_px)
     across_m, along_m = plane_coordinates(disparity, camera, ground)
     rise = math.tan(math.radians(max(config.max_slope, REPOSE_DEG)))
@@ -203,11 +225,17 @@ def _points(
     trust = np.where(ground_like, relief / (relief + noise_m * noise_m), 0).astype(np.float32)
     variance = noise_m * noise_m + np.float32(LEAST_NOISE_M**2)
     information = np.reciprocal(variance).astype(np.float32)
-    return _Points(in_range, over_plane_m, across_m, along_m, noise_m, trust, information)
+    return _Points(
+        in_range, over_plane_m, across_m, along_m, below_eye_m, noise_m, trust, information
+    )
 
 
 def _map_layer(
-    points: _Points, cell_m: float, span_m: tuple[float, float], config: DetectorConfig
+    points: _Points,
+    cell_m: float,
+    span_m: tuple[float, float],
+    eye_m: float,
+    config: DetectorConfig,
 ) -> Layer | None:
     """Map the ground between two distances; None where no pixel lies there."""
     nearest_m, farthest_m = span_m
@@ -221,7 +249,16 @@ def _map_layer(
     positions = map_positions(points.across_m[rows], along_m, usable, cell_m)
     trust = points.trust[rows] * usable
     mean_m, weight = cell_means(points.over_plane_m[rows], trust, positions)
-    ground_m, trusted = local_ground(
+    cell_noise_m, information = cell_means(
+        points.noise_m[rows], points.information[rows] * (trust > 0), positions
+    )
+    sight = Sight(
+        eye_m,
+        -positions.first_column,
+        -positions.first_row,
+        cell_noise_m / come_down_m(eye_m - mean_m, eye_m),
+    )
+    ground = local_ground(
         mean_m,
         weight,
         cell_m,
@@ -229,9 +266,7 @@ def _map_layer(
         trend_m=max(TREND_M, 2.5 * cell_m),
         smoothing_m=max(SMOOTHING_M, 1.2 * cell_m),
         tolerance_m=GROUND_SHARE * config.max_step,
-    )
-    cell_noise_m, information = cell_means(
-        points.noise_m[rows], points.information[rows] * (trust > 0), positions
+        sight=sight,
     )
     return Layer(
         rows,
@@ -239,9 +274,10 @@ def _map_layer(
         mean_m,
         information,
         cell_noise_m,
-        trusted > 0,
-        ground_m,
+        ground.trust > 0,
+        ground.height_m,
         weight > 0,
+        sight.over(ground.trend),
         pixels,
     )
 
