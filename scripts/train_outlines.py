@@ -6,10 +6,10 @@
 Trains on the scenes of the suite `training` (rendered if need be) but some that it holds out, and
 reports on those and on the scenes ``tune_*`` of the standard suite; those named ``report_*`` it
 never reads. Needs PyTorch, the package needs only the file that comes out of it. On two cores that
-takes half an hour or more, once the scenes are there. The weights that are shipped came of a dozen
-such runs, each begun from the last one's weights (`--start`) as scenes, variation and layers were
-added: channels with small random weights, corrections with none. Shipped is the mean of the last
-three (`--start A B C --steps 0`; Wortsman et al. 2022). A run from the beginning gives others.
+takes an hour or more, once the scenes are there. The weights that are shipped came of a dozen such
+runs of one branch, each begun from the last one's weights as scenes, variation, layers and planes
+were added: channels with small random weights, corrections and planes with none. Then two of them
+were trained on together, the second mirrored at first. A run from the beginning gives others.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ DISPARITY_NOISE = PLANES.index('disparity noise')
 MEASURED = PLANES.index('measured')
 SCALE = PLANES.index('scale')
 GREY = PLANES.index('grey level against the ground')
-EVIDENCE = PLANES.index('parallax evidence')
+EVIDENCE = [number for number, name in enumerate(PLANES) if name.startswith('parallax')]
 
 
 class Corrected(nn.Module):
@@ -108,10 +108,10 @@ class Folded(nn.Module):
         return torch.relu(self.last(planes))
 
 
-class OutlineNet(nn.Module):
-    """Halves the resolution three times and comes back; four logits for each 2 x 2 pixels."""
+class Branch(nn.Module):
+    """Halves the resolution three times and comes back to half of it."""
 
-    def __init__(self, fine: int = 16, middle: int = 24, coarse: int = 48) -> None:
+    def __init__(self, fine: int, middle: int, coarse: int) -> None:
         super().__init__()
         self.down = nn.ModuleList(
             nn.Sequential(
@@ -130,11 +130,13 @@ class OutlineNet(nn.Module):
             nn.Sequential(nn.Conv2d(2 * width, width, 3, 1, 1), nn.ReLU())
             for width in (middle, fine)
         )
-        self.correct = nn.ModuleList((Corrected(coarse, 2), Corrected(middle, 1), nn.Identity()))
-        self.out = nn.Conv2d(fine, 4, 3, 1, 1)
+        self.correct = nn.ModuleList(
+            nn.Sequential(*(Corrected(width, convolutions) for _ in range(count)))
+            for width, convolutions, count in ((coarse, 2, 2), (middle, 1, 2), (fine, 1, 0))
+        )
 
     def forward(self, planes: torch.Tensor) -> torch.Tensor:
-        """Return logits, shape (n, 4, height / 2, width / 2)."""
+        """Return shape (n, fine, height / 2, width / 2)."""
         levels = []
         for down in self.down:
             planes = down(planes)
@@ -144,7 +146,23 @@ class OutlineNet(nn.Module):
             self.up, self.merge, levels[-2::-1], self.correct[1:], strict=True
         ):
             planes = correct(merge(torch.cat((up(planes), level), 1)))
-        return self.out(planes)
+        return planes
+
+
+class OutlineNet(nn.Module):
+    """Two branches side by side; four logits for each 2 x 2 pixels.
+
+    Two that began as networks of their own, one of them mirrored, err less than one twice as wide.
+    """
+
+    def __init__(self, fine: int = 16, middle: int = 24, coarse: int = 48) -> None:
+        super().__init__()
+        self.branches = nn.ModuleList(Branch(fine, middle, coarse) for _ in range(2))
+        self.out = nn.Conv2d(2 * fine, 4, 3, 1, 1)
+
+    def forward(self, planes: torch.Tensor) -> torch.Tensor:
+        """Return logits, shape (n, 4, height / 2, width / 2)."""
+        return self.out(torch.cat([branch(planes) for branch in self.branches], 1))
 
 
 @dataclass(frozen=True)
@@ -193,7 +211,7 @@ def begin_from(net: OutlineNet, paths: Sequence[Path]) -> None:
     every = []
     for path in paths:
         missing, unexpected = net.load_state_dict(torch.load(path), strict=False)
-        if unexpected or not all(name.startswith('correct.') for name in missing):
+        if unexpected or not all('.correct.' in name for name in missing):
             sys.exit(f'{path}: not of this network: missing {missing}, not known {unexpected}')
         every.append({name: value.clone() for name, value in net.state_dict().items()})
     mean = {name: sum(each[name] for each in every) / len(every) for name in every[0]}
@@ -354,9 +372,9 @@ def hide_a_side(planes: torch.Tensor, generator: np.random.Generator) -> None:
     border = border.round().clamp(0, CROP - 1).long()
     source = torch.maximum(columns, border).expand(CROP, CROP)
     for number in range(len(PLANES)):
-        if number not in (MEASURED, EVIDENCE, GREY):
+        if number not in (MEASURED, GREY, *EVIDENCE):
             planes[0, number] = planes[0, number].gather(1, source)
-    planes[:, (MEASURED, EVIDENCE)] *= (columns >= border).float()
+    planes[:, (MEASURED, *EVIDENCE)] *= (columns >= border).float()
 
 
 def mean_iou(net: OutlineNet, examples: Sequence[Example]) -> float:
@@ -378,9 +396,10 @@ def mean_iou(net: OutlineNet, examples: Sequence[Example]) -> float:
 def export(net: OutlineNet, path: Path) -> None:
     """Write the network for OpenCV, for images of any size that is a multiple of eight."""
     net = copy.deepcopy(net).eval().to(memory_format=torch.contiguous_format)
-    for number, module in enumerate(net.correct):
-        if isinstance(module, Corrected):
-            net.correct[number] = Folded(module)
+    for module in list(net.modules()):
+        for name, child in module.named_children():
+            if isinstance(child, Corrected):
+                setattr(module, name, Folded(child))
     torch.onnx.export(
         net,
         (torch.zeros(1, len(PLANES), CROP, CROP),),

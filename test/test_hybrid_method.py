@@ -252,7 +252,7 @@ def test_shadow_with_texture_is_free():
 def test_small_images_with_eyes_far_apart():
     rig = Scene(pinhole(64, 48, 60.0, 0.3), 46.0, 1.0)
     found, view = detect(rig.with_(solids=(Box(0.1, 1.1, 0.4, 0.4, 0.4),)))
-    assert iou(found.mask, view.obstacle) > 0.4
+    assert iou(found.mask, view.obstacle) > 0.35
     free, _ = detect(rig)
     assert not free.mask.any()
 

@@ -23,8 +23,8 @@ class OutlineModel:
 
     Notes
     -----
-    A U-shaped network (Ronneberger et al. 2015) of some 124,000 weights, trained on
-    rendered scenes by ``scripts/train_outlines.py``. It sees numbers without units (`PLANES`).
+    Two U-shaped branches (Ronneberger et al. 2015) side by side, some 343,000 weights, trained
+    on rendered scenes by ``scripts/train_outlines.py``. It sees numbers without units (`PLANES`).
     """
 
     def __init__(self) -> None:

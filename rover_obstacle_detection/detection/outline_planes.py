@@ -10,7 +10,7 @@ from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.ground_matching import Stereo
 from rover_obstacle_detection.detection.hazards import Standing
-from rover_obstacle_detection.detection.parallax import parallax_evidence
+from rover_obstacle_detection.detection.parallax import STEP_SHARES, parallax_evidence
 from rover_obstacle_detection.detection.survey import Terrain
 
 Image = NDArray[np.float32]
@@ -26,6 +26,7 @@ PLANES = (
     'standing part',
     'top of the part over the step',
     'parallax evidence',
+    *(f'parallax evidence for {share:g} steps' for share in STEP_SHARES),
 )
 """Names of the planes, in order."""
 
@@ -83,7 +84,7 @@ def outline_planes(
     for values in (height_m, noise_m, step_px, noise_px, on_part_around, top_m):
         values[rows, columns] = values[rows, source]
     kernel = np.ones((_TOP_REACH, _TOP_REACH), np.uint8)
-    evidence = parallax_evidence(stereo, terrain, camera, window)
+    evidence = parallax_evidence(stereo, terrain, camera, config.max_step, window)
     planes = np.empty((len(PLANES), *measured.shape), np.float32)
     for plane, values in zip(
         planes,
@@ -97,7 +98,7 @@ def outline_planes(
             grey_against_ground(stereo.pair[0][window], on_part, stereo.texture),
             on_part_around,
             np.clip(cv2.dilate(top_m, kernel) / step_m, 0, 5),
-            np.clip(np.copysign(np.sqrt(np.abs(evidence)), evidence), -6, 6) / 2,
+            *np.clip(np.copysign(np.sqrt(np.abs(evidence)), evidence), -6, 6) / 2,
         ),
         strict=True,
     ):

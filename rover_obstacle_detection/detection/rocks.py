@@ -108,7 +108,7 @@ def outlined_rocks(
         if 'outlines' not in leave_out:
             planes = outline_planes(stereo, terrain, standing, camera, config, window)
             if 'parallax' in leave_out:
-                planes[PLANES.index('parallax evidence')] = 0
+                planes[[name.startswith('parallax') for name in PLANES]] = 0
             probability = outline_model().probability(planes)
             drawn = probability > config.outline_probability
             denied = denied_parts(drawn, near, parts, config)
