@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.outline_model import outline_model
+from rover_obstacle_detection.detection.outline_model import OutlineModel, outline_model
 from rover_obstacle_detection.detection.outline_planes import PLANES
 
 # About what the planes are limited to.
@@ -66,6 +66,19 @@ def test_several_threads_may_share_the_filter():
             pool.map(outline_model().probability, inputs), expected, strict=True
         ):
             np.testing.assert_array_equal(found, right)
+
+
+def test_a_filter_that_is_very_sure_is_just_sure(monkeypatch):
+    def very_sure(self, planes, logit):
+        logit[:] = -500
+        logit[:8] = 500
+        logit[8:16] = 0
+
+    monkeypatch.setattr(OutlineModel, '_run', very_sure)
+    found = OutlineModel().probability(planes(32, 40))
+    np.testing.assert_array_equal(found[:8], 1)
+    np.testing.assert_array_equal(found[8:16], 0.5)
+    np.testing.assert_array_equal(found[16:], 0)
 
 
 def test_flat_ground_is_nothing_and_a_clear_rock_is_one():

@@ -63,7 +63,8 @@ class OutlineModel:
             logit[:middle] = part[:middle]
             self._run(padded[:, rows - size :], part)
             logit[middle:] = part[middle - rows :]
-        return np.asarray(1 / (1 + np.exp(-logit[:height, :width])), np.float32)
+        # The logistic function, in a form that does not overflow.
+        return np.asarray(0.5 + 0.5 * np.tanh(0.5 * logit[:height, :width]), np.float32)
 
     def _run(self, planes: NDArray[np.float32], logit: NDArray[np.float32]) -> None:
         """Fill in the logit of each pixel; rows and columns are multiples of eight."""
