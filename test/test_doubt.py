@@ -15,15 +15,22 @@ from rover_obstacle_detection.detection.hybrid import without_doubtful
 ROCK, SPECK, SLOPE = np.s_[32:44, 30:44], np.s_[12:14, 10:13], np.s_[2:10, 4:60]
 
 
-def found(min_confidence=0.9, where=SPECK, cue=Cue.SLOPE):
-    """A rock that the outline filter is sure of, and noisy ground that is too steep."""
+def found(min_confidence=0.9, where=SPECK, cue=Cue.SLOPE, noise_px=0.2):
+    """A rock that the outline filter is sure of, and too steep ground, in a noisy pair."""
     made = small_detection()
-    mask, cues, noise = made.mask.copy(), made.cues.copy(), made.height_noise.copy()
-    mask[where], noise[where] = 255, 0.07
+    mask, cues = made.mask.copy(), made.cues.copy()
+    mask[where] = 255
     cues[where] |= np.uint8(cue)
+    noise = np.random.default_rng(0).normal(0, noise_px, mask.shape).astype(np.float32)
+    disparity = np.where(made.disparity > 0, made.disparity + noise, 0).astype(np.float32)
     probability = np.full(mask.shape, np.nan, np.float32)
     probability[ROCK] = 0.99
-    products = {'mask': mask, 'cues': cues, 'height_noise': noise, 'rock_probability': probability}
+    products = {
+        'mask': mask,
+        'cues': cues,
+        'disparity': disparity,
+        'rock_probability': probability,
+    }
     config = replace(made.config, min_confidence=min_confidence)
     return replace(made, config=config, products={**made.products, **products})
 
@@ -41,6 +48,12 @@ def test_a_doubtful_speck_is_neither_obstacle_nor_free():
     elsewhere[SPECK] = False
     assert (after.known == (before.known & elsewhere)).all()
     assert len(after.ground_points) == (before.mask[before.known] == 0).sum()
+
+
+def test_in_a_clear_pair_it_is_not_doubted():
+    before = found(noise_px=0.0)
+    assert before.confidence[SPECK].min() > 0.9
+    assert without_doubtful(before) is before
 
 
 def test_how_sure_is_sure_enough_is_a_parameter():
