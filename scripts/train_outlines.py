@@ -9,7 +9,8 @@ never reads. Needs PyTorch, the package needs only the file that comes out of it
 takes an hour or more, once the scenes are there. The weights that are shipped came of a dozen such
 runs of one branch, each begun from the last one's weights as scenes, variation, layers and planes
 were added: channels with small random weights, corrections and planes with none. Then two of them
-were trained on together, the second mirrored at first. A run from the beginning gives others.
+were put side by side by hand, one of them mirrored, and trained on together for an hour. A run
+from the beginning gives others.
 """
 
 from __future__ import annotations
@@ -37,7 +38,11 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.ground_matching import match_against_ground
 from rover_obstacle_detection.detection.hazards import standing_parts
 from rover_obstacle_detection.detection.image import grey_pair
-from rover_obstacle_detection.detection.outline_planes import PLANES, outline_planes
+from rover_obstacle_detection.detection.outline_planes import (
+    PARALLAX_PLANES,
+    PLANES,
+    outline_planes,
+)
 from rover_obstacle_detection.detection.survey import survey
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK
@@ -63,7 +68,6 @@ DISPARITY_NOISE = PLANES.index('disparity noise')
 MEASURED = PLANES.index('measured')
 SCALE = PLANES.index('scale')
 GREY = PLANES.index('grey level against the ground')
-EVIDENCE = [number for number, name in enumerate(PLANES) if name.startswith('parallax')]
 
 
 class Corrected(nn.Module):
@@ -210,10 +214,11 @@ def begin_from(net: OutlineNet, paths: Sequence[Path]) -> None:
     """Take the mean of weights; of a network without corrections as well, which are then none."""
     every = []
     for path in paths:
-        missing, unexpected = net.load_state_dict(torch.load(path), strict=False)
+        single = copy.deepcopy(net)
+        missing, unexpected = single.load_state_dict(torch.load(path), strict=False)
         if unexpected or not all('.correct.' in name for name in missing):
             sys.exit(f'{path}: not of this network: missing {missing}, not known {unexpected}')
-        every.append({name: value.clone() for name, value in net.state_dict().items()})
+        every.append(single.state_dict())
     mean = {name: sum(each[name] for each in every) / len(every) for name in every[0]}
     net.load_state_dict(mean)
 
@@ -358,7 +363,7 @@ def disturb(planes: torch.Tensor, generator: np.random.Generator) -> None:
     if generator.random() < 0.2:
         planes[:, GREY] = functional.avg_pool2d(planes[:, GREY], 3, 1, 1)
     planes[:, HEIGHT] *= factor(0.03)
-    planes[:, EVIDENCE] *= factor(0.25)
+    planes[:, PARALLAX_PLANES] *= factor(0.25)
     noise = factor(0.12)
     planes[:, (HEIGHT_NOISE, DISPARITY_NOISE)] *= noise
     planes[:, HEIGHT_OVER_NOISE] /= noise
@@ -372,9 +377,9 @@ def hide_a_side(planes: torch.Tensor, generator: np.random.Generator) -> None:
     border = border.round().clamp(0, CROP - 1).long()
     source = torch.maximum(columns, border).expand(CROP, CROP)
     for number in range(len(PLANES)):
-        if number not in (MEASURED, GREY, *EVIDENCE):
+        if number not in (MEASURED, GREY, *PARALLAX_PLANES):
             planes[0, number] = planes[0, number].gather(1, source)
-    planes[:, (MEASURED, *EVIDENCE)] *= (columns >= border).float()
+    planes[:, (MEASURED, *PARALLAX_PLANES)] *= (columns >= border).float()
 
 
 def mean_iou(net: OutlineNet, examples: Sequence[Example]) -> float:

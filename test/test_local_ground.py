@@ -12,10 +12,14 @@ ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
 SCALES = {'opening_m': 0.8, 'trend_m': 0.4, 'smoothing_m': 0.08, 'tolerance_m': 0.05}
 
 
+def sight(share=0.0, row=-30.0, shape=SHAPE):
+    return Sight(1.2, 50.0, row, np.full(shape, share, np.float32))
+
+
 def ground_under(height, weight=None):
     weight = np.ones(SHAPE) if weight is None else weight
     weight = np.asarray(weight, np.float32)
-    ground = local_ground(np.asarray(height, np.float32), weight, CELL_M, **SCALES)
+    ground = local_ground(np.asarray(height, np.float32), weight, CELL_M, **SCALES, sight=sight())
     found, trust = ground.height_m, ground.trust
     assert ((trust == weight) | (trust == 0)).all()
     assert found.dtype == np.float32
@@ -48,7 +52,7 @@ def test_ground_is_told_from_what_stands_on_it_and_its_foot():
     terrain = np.zeros(SHAPE)
     terrain[40:50, 40:50] = 0.3
     weight = np.ones(SHAPE, np.float32)
-    trust = local_ground(terrain.astype(np.float32), weight, CELL_M, **SCALES).trust
+    trust = local_ground(terrain.astype(np.float32), weight, CELL_M, **SCALES, sight=sight()).trust
     assert not trust[39:51, 39:51].any()
     assert trust[:37].all()
     assert trust[53:].all()
@@ -116,9 +120,8 @@ def test_noise_of_a_bank_far_away_takes_no_ground_from_it(share):
     bank = 0.5 * CELL_M * ROWS
     noise = np.random.default_rng(3).normal(0, 0.08, SHAPE)
     height = np.asarray(bank + noise, np.float32)
-    sight = Sight(1.2, 50.0, -500.0, np.full(SHAPE, share, np.float32))
     weight = np.ones(SHAPE, np.float32)
-    trust = local_ground(height, weight, CELL_M, **SCALES, sight=sight).trust
+    trust = local_ground(height, weight, CELL_M, **SCALES, sight=sight(share, -500.0)).trust
     # The eye is 11 m over the bank, so that 2 % of the distance are 0.2 m of height.
     assert ((trust > 0).mean() > 0.9) == (share > 0)
 
@@ -130,7 +133,11 @@ def test_nothing_seen_is_flat():
 @pytest.mark.parametrize('shape', [(1, 1), (2, 30), (30, 2)])
 def test_tiny_maps(shape):
     found = local_ground(
-        np.full(shape, 0.1, np.float32), np.ones(shape, np.float32), CELL_M, **SCALES
+        np.full(shape, 0.1, np.float32),
+        np.ones(shape, np.float32),
+        CELL_M,
+        **SCALES,
+        sight=sight(0.01, shape=shape),
     ).height_m
     assert found.shape == shape
     np.testing.assert_allclose(found, 0.1, atol=0.01)

@@ -5,8 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from rover_obstacle_detection.detection import outline_model as model_module
 from rover_obstacle_detection.detection.outline_model import OutlineModel, outline_model
-from rover_obstacle_detection.detection.outline_planes import PLANES
+from rover_obstacle_detection.detection.outline_planes import PARALLAX_PLANES, PLANES
 
 # About what the planes are limited to.
 LEAST = dict(zip(PLANES, (-2, -1, 0, 0, 0, -0.24, -3, 0, 0, *4 * (-3,)), strict=True))
@@ -68,6 +69,14 @@ def test_several_threads_may_share_the_filter():
             np.testing.assert_array_equal(found, right)
 
 
+@pytest.mark.parametrize('rows', [240, 264])
+def test_two_halves_are_as_the_whole(monkeypatch, rows):
+    inputs = planes(rows, 80)
+    whole = outline_model().probability(inputs)
+    monkeypatch.setattr(model_module, '_MOST_ROWS', 200)
+    np.testing.assert_allclose(outline_model().probability(inputs), whole, atol=1e-5)
+
+
 def test_a_filter_that_is_very_sure_is_just_sure(monkeypatch):
     def very_sure(self, planes, logit):
         logit[:] = -500
@@ -95,7 +104,7 @@ def test_flat_ground_is_nothing_and_a_clear_rock_is_one():
         ('height over the step', 3),
         ('height over its noise', 3),
         ('standing part', 1),
-        *((name, 1) for name in PLANES if name.startswith('parallax')),
+        *((PLANES[number], 1) for number in PARALLAX_PLANES),
     ):
         scene[PLANES.index(name)][rock] = value
     scene[PLANES.index('top of the part over the step'), 25:71, 25:71] = 3

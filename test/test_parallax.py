@@ -23,6 +23,11 @@ INNER = np.s_[60:-30, 60:-20]
 RAISED = np.s_[100:130, 100:150]
 
 
+def expected_of(plane):
+    disparity = DisparityPlane.from_ground(plane, CAMERA).disparity(CAMERA)
+    return np.maximum(disparity, 0).astype(np.float32)
+
+
 def evidence_of(
     true_rise_px=0.0,
     matched_rise_px=0.0,
@@ -30,10 +35,13 @@ def evidence_of(
     contrast=20.0,
     true_steps=0.0,
     unmatched=None,
+    plane=GROUND,
 ):
-    """Ground, in the middle raised by one disparity, or a height, and matched by another."""
-    plane = DisparityPlane.from_ground(GROUND, CAMERA)
-    expected = np.maximum(plane.disparity(CAMERA), 0).astype(np.float32)
+    """Ground, in the middle raised by one disparity, or a height, and matched by another.
+
+    The plane that heights are over need not be that of the ground.
+    """
+    expected = expected_of(GROUND)
     rise = np.zeros_like(expected)
     raised = expected / (1 - true_steps * MAX_STEP_M / GROUND.height_m)
     rise[RAISED] = (raised - expected)[RAISED] + true_rise_px
@@ -47,9 +55,9 @@ def evidence_of(
         disparity[unmatched] = 0
     noise_px = np.full_like(expected, 0.1)
     config = DetectorConfig(max_step=MAX_STEP_M)
-    terrain = survey(disparity, noise_px, expected, CAMERA, GROUND, config)
+    terrain = survey(disparity, noise_px, expected_of(plane), CAMERA, plane, config)
     stereo = Stereo(
-        pair, GROUND, expected, disparity, noise_px, RowAlignment(), NOISE * 2**0.5, 8.0
+        pair, plane, expected_of(plane), disparity, noise_px, RowAlignment(), NOISE * 2**0.5, 8.0
     )
     found = parallax_evidence(stereo, terrain, CAMERA, MAX_STEP_M, window)
     assert found.dtype == np.float32
@@ -68,8 +76,11 @@ def test_ground_that_was_matched_too_high_fits_better_on_the_ground():
 
 
 @pytest.mark.parametrize('steps', STEP_SHARES)
-def test_what_was_flattened_to_the_ground_fits_best_at_its_height(steps):
-    found = evidence_of(true_steps=steps)
+@pytest.mark.parametrize('lean_deg', [0.0, 12.0])
+def test_what_was_flattened_to_the_ground_fits_best_at_its_height(steps, lean_deg):
+    # A plane that leans lets the ground rise to the eye, which is not as high over that plane.
+    normal = Gravity.from_angles(35.0 - lean_deg).up
+    found = evidence_of(true_steps=steps, plane=GroundPlane(normal, 1.3, normal))
     inside = {name: each[RAISED][6:-6, 6:-6].mean() for name, each in found.items()}
     assert abs(inside['matched']) < 1
     assert inside[steps] == max(inside.values())
@@ -88,6 +99,25 @@ def test_of_a_disparity_that_is_right_heights_count_from_the_ground_below():
     found = evidence_of(true_steps=1.0, matched_rise_px=2.6)
     assert found[1.0][RAISED][6:-6, 6:-6].mean() > 2
     assert found[1.0][RAISED][6:-6, 6:-6].mean() > found[2.0][RAISED][6:-6, 6:-6].mean()
+
+
+def test_what_stands_as_high_as_the_eye_hides_no_ground():
+    # So near before the eye that it comes up to it.
+    found = evidence_of(matched_rise_px=400.0)
+    for each in found.values():
+        assert np.isfinite(each).all()
+        assert not each[RAISED][4:-4, 4:-4].any()
+
+
+def test_where_the_right_image_ends_nothing_is_told():
+    found = evidence_of()
+    ground_px = expected_of(GROUND)
+    for share in STEP_SHARES:
+        raised_px = ground_px / (1 - share * MAX_STEP_M / GROUND.height_m)
+        beyond = np.arange(CAMERA.width) < raised_px - 2
+        assert beyond.any()
+        assert not found[share][beyond].any()
+        assert found[share][100:, 60:].all()
 
 
 def test_without_texture_nothing_is_told():

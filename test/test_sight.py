@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_obstacle_detection.detection.local_regression import LocalPlanes
-from rover_obstacle_detection.detection.sight import Sight, come_down_m
+from rover_obstacle_detection.detection.sight import Sight, lever_m
 
 SHAPE = (20, 30)
 
@@ -35,4 +35,4 @@ def test_a_bank_that_faces_the_eye_has_more_noise_than_one_that_falls_away():
 
 @pytest.mark.parametrize(('over', 'expected'), [(2.0, 2.0), (0.1, 0.6), (0.0, 0.6), (-3.0, 3.0)])
 def test_seen_from_below_or_along_itself_ground_has_noise_as_well(over, expected):
-    np.testing.assert_allclose(come_down_m(np.float32([over]), 2.0), expected)
+    np.testing.assert_allclose(lever_m(np.float32([over]), 2.0), expected)

@@ -7,8 +7,10 @@ import pytest
 from relief import Eye, bank, block, flat, tilted, together
 from synthetic import pinhole
 
+from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.ground_plane import DisparityPlane
 from rover_obstacle_detection.detection.reprojection import reproject
 from rover_obstacle_detection.detection.survey import MAX_LAYERS, layer_spans, survey
 
@@ -97,6 +99,19 @@ def test_pixels_without_a_match_have_neither_height_nor_scale():
         assert array.shape == EYE.camera.shape
 
 
+def test_a_calibration_of_double_precision_makes_no_images_of_it():
+    size = [np.float64(value) for value in (200.0, 200.0, 99.5, 74.5, 0.15)]
+    camera = StereoCamera(200, 150, *size)
+    ground = DisparityPlane(np.float64(0), np.float64(0.2), np.float64(12)).in_space(camera, None)
+    expected = DisparityPlane.from_ground(ground, camera).disparity(camera)
+    disparity = np.maximum(expected, 0).astype(np.float32)
+    found = survey(disparity, 0 * disparity + 0.1, expected, camera, ground, DetectorConfig())
+    for array in (found.height_m, found.noise_m, found.eye_m, found.pixels_per_metre):
+        assert array.dtype == np.float32
+    for layer in found.layers:
+        assert layer.eye_m.dtype == layer.ground_m.dtype == layer.noise_m.dtype == np.float32
+
+
 def test_nothing_matched_at_all():
     nothing = np.zeros(EYE.camera.shape, np.float32)
     found = survey(
@@ -171,9 +186,7 @@ def test_noise_on_a_bank_is_what_an_error_of_disparity_makes_of_heights_over_it(
     np.testing.assert_allclose(
         terrain.noise_m[on_bank], np.abs(moved_m[on_bank]), rtol=0.15, atol=1e-3
     )
-    assert np.median(terrain.below_eye_m[on_bank]) == pytest.approx(
-        EYE.height_m + 4.0 * rise, rel=0.05
-    )
+    assert np.median(terrain.eye_m[on_bank]) == pytest.approx(EYE.height_m + 4.0 * rise, rel=0.05)
 
 
 def test_what_stands_as_high_as_the_eye_is_not_without_noise():

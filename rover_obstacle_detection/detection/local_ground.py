@@ -43,7 +43,7 @@ def local_ground(
     trend_m: float,
     smoothing_m: float,
     tolerance_m: float,
-    sight: Sight | None = None,
+    sight: Sight,
 ) -> LocalGround:
     """Estimate the ground under and between the obstacles.
 
@@ -63,8 +63,8 @@ def local_ground(
         Standard deviation of the final mean, metres.
     tolerance_m : float
         Cells within so much of the trend are ground, metres.
-    sight : Sight, optional
-        Tells the noise, which is tolerated as well; without it there is none.
+    sight : Sight
+        Tells the noise, one standard deviation of which is tolerated as well.
 
     Returns
     -------
@@ -75,22 +75,20 @@ def local_ground(
     Grey-value opening gives the lower envelope, a local linear regression its trend (local
     constants would flatten slopes towards the edge of what is seen), and the mean of the cells
     near the trend the ground; the last two are done twice, the second time from the ground itself.
+    For the noise the first trend is that of all cells, rocks as well.
     """
     present = weight > 0
     filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
     ground = _opened(filled, present, max(3, round(opening_m / cell_m) | 1))
     tolerated_m = tolerance_m
-    trend = local_planes(height_m, weight, trend_m / cell_m) if sight else None
+    trend = local_planes(height_m, weight, trend_m / cell_m)
     for _ in range(2):
-        with_noise_m: float | Grid = tolerated_m
-        if sight and trend:
-            with_noise_m = np.hypot(np.float32(tolerated_m), sight.noise_m(trend))
+        with_noise_m = np.hypot(np.float32(tolerated_m), sight.noise_m(trend))
         near = _without_feet(present & (height_m - ground < with_noise_m), present)
         trusted = np.where(near, weight, 0).astype(np.float32)
         trend = local_planes(height_m, trusted, trend_m / cell_m)
         ground = _follow(height_m, trusted, trend.height, smoothing_m / cell_m)
         tolerated_m = tolerance_m * 0.6
-    assert trend
     return LocalGround(ground, trusted, trend)
 
 

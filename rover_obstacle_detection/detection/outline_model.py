@@ -15,7 +15,7 @@ from rover_obstacle_detection.detection.outline_planes import PLANES
 MODEL_FILE = 'outline_model.onnx'
 _MULTIPLE = 8
 _MOST_ROWS = 512
-_REACH = 48
+_REACH = 80
 
 
 class OutlineModel:

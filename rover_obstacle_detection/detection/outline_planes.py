@@ -30,6 +30,11 @@ PLANES = (
 )
 """Names of the planes, in order."""
 
+PARALLAX_PLANES = tuple(
+    number for number, name in enumerate(PLANES) if name.startswith('parallax evidence')
+)
+"""Those that `parallax_evidence` fills."""
+
 EVERYWHERE = (slice(None), slice(None))
 _GROUND_WINDOW = 61
 _TOP_REACH = 15

@@ -18,8 +18,8 @@ STEP_SHARES = (0.5, 1.0, 2.0)
 _BRIGHTNESS_WINDOW = 41
 _WINDOW = 3
 _LEAST_NOISE = 1.0
-# Nothing is tried that stands nearly as high as the eye.
-_LEAST_BELOW_EYE = 0.3
+# Of the eye's height over the local ground: what stands nearly as high hides ground far away.
+_LEAST_BELOW_EYE = 0.05
 
 
 def parallax_evidence(
@@ -47,14 +47,17 @@ def parallax_evidence(
         By how much more the squared grey levels differ if the pixel lay on the local ground, over
         the image's noise, than if it lay where it was matched, and than at each share of the step
         over the ground: positive where the pair says that it stands up, negative where the
-        disparity of something near has spread over ground; 0 without 3D.
+        disparity of something near has spread over ground; 0 without 3D, for what stands as high
+        as the eye, and where the right image ends before.
 
     Notes
     -----
     Likelihood ratios of two hypotheses, for Gaussian noise. Blocks and smoothness make disparity
     coherent where nothing supports it, and flatten what is small and far to the ground around;
-    this looks at 3 x 3 pixels alone. A point at height h over the ground, to which the ray comes
-    down by b from the eye, hides ground whose disparity d_g fulfils 1 / d_g = (1 + h / b) / d.
+    this looks at 3 x 3 pixels alone, less the difference in brightness that the ground around
+    shows. A point at height h over the ground, to which the ray comes down by b from the eye,
+    hides ground whose disparity d_g fulfils 1 / d_g = (1 + h / b) / d; with e = h + b the eye's
+    height over that ground, d = d_g / (1 - h / e).
     """
     rows, columns = window
     disparity = stereo.disparity[window]
@@ -63,11 +66,12 @@ def parallax_evidence(
     if not usable.any():
         return evidence
     height_m = np.where(usable, terrain.height_m[window], 0)
-    below_eye_m = terrain.below_eye_m[window]
-    with np.errstate(divide='ignore'):
-        inverse = (1 + height_m / below_eye_m) / disparity
-    usable &= inverse > 1 / np.float32(2 * camera.width)
-    on_ground = np.where(usable, 1 / np.where(usable, inverse, 1), 0).astype(np.float32)
+    eye_m = terrain.eye_m[window]
+    below_eye_m = eye_m - height_m
+    usable &= below_eye_m > np.float32(_LEAST_BELOW_EYE) * eye_m
+    on_ground = np.zeros_like(disparity)
+    np.divide(disparity * below_eye_m, eye_m, out=on_ground, where=usable)
+    usable &= on_ground > 0
     column = np.arange(camera.width, dtype=np.float32)[columns]
     source_rows = stereo.alignment.rows(camera, column)[rows]
     reached = column - np.float32(camera.disparity_offset)
@@ -82,17 +86,26 @@ def parallax_evidence(
         return np.asarray(first - seen, np.float32)
 
     from_ground = difference(on_ground)
-    brightness = cv2.blur(from_ground, (_BRIGHTNESS_WINDOW, _BRIGHTNESS_WINDOW))
+    brightness = _mean_around(from_ground, usable)
     squares = (from_ground - brightness) ** 2
-    rise = np.float32(max_step_m) / np.maximum(below_eye_m + height_m, np.float32(1e-3))
-    hypotheses = [disparity]
-    for share in STEP_SHARES:
-        nearer = np.maximum(1 - np.float32(share) * rise, np.float32(_LEAST_BELOW_EYE))
-        hypotheses.append(np.asarray(on_ground / nearer, np.float32))
     noise = np.float32(max(stereo.grey_noise, _LEAST_NOISE) ** 2)
-    for hypothesis, found in zip(hypotheses, evidence, strict=True):
+    for share, found in zip((0, *STEP_SHARES), evidence, strict=True):
+        hypothesis, possible = disparity, usable
+        if share:
+            below_m = eye_m - np.float32(share * max_step_m)
+            possible = usable & (below_m > np.float32(_LEAST_BELOW_EYE) * eye_m)
+            hypothesis = np.zeros_like(disparity)
+            np.divide(on_ground * eye_m, below_m, out=hypothesis, where=possible)
         gain = squares - (difference(hypothesis) - brightness) ** 2
-        gain[~usable] = 0
+        gain[~(possible & (reached >= hypothesis))] = 0
         cv2.blur(gain, (_WINDOW, _WINDOW), dst=found)
         found /= noise
     return evidence
+
+
+def _mean_around(image: Image, where: NDArray[np.bool_]) -> Image:
+    """Mean of the pixels around that count."""
+    counted = where.astype(np.float32)
+    size = (_BRIGHTNESS_WINDOW, _BRIGHTNESS_WINDOW)
+    share = cv2.blur(counted, size)
+    return np.asarray(cv2.blur(image * counted, size) / np.maximum(share, 1e-6), np.float32)

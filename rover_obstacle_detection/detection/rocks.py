@@ -19,7 +19,7 @@ from rover_obstacle_detection.detection.hazards import (
     Standing,
 )
 from rover_obstacle_detection.detection.outline_model import outline_model
-from rover_obstacle_detection.detection.outline_planes import PLANES, outline_planes
+from rover_obstacle_detection.detection.outline_planes import PARALLAX_PLANES, outline_planes
 from rover_obstacle_detection.detection.survey import Terrain
 
 # The filter halves the resolution three times, and sees little that is farther than three blocks.
@@ -108,7 +108,7 @@ def outlined_rocks(
         if 'outlines' not in leave_out:
             planes = outline_planes(stereo, terrain, standing, camera, config, window)
             if 'parallax' in leave_out:
-                planes[[name.startswith('parallax') for name in PLANES]] = 0
+                planes[list(PARALLAX_PLANES)] = 0
             probability = outline_model().probability(planes)
             drawn = probability > config.outline_probability
             denied = denied_parts(drawn, near, parts, config)

@@ -3,6 +3,8 @@
 Over the plane through all the ground a point moves with its distance as steeply as its ray comes
 down; over the ground around it as steeply as the ray comes down on that. A bank that faces the
 eye has more noise than the plane says, one that falls away less.
+
+All heights are along the normal of the plane through all the ground, as everywhere on the map.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from rover_obstacle_detection.detection.local_regression import LocalPlanes
 
 Grid = NDArray[np.float32]
 
-# Seen along the ground itself a height would have no noise: no ground is that smooth.
+# Looked at along the ground itself a height would have no noise: no ground is that smooth.
 LEAST_SHARE = 0.3
 
 
@@ -52,17 +54,23 @@ class Sight:
 
     def noise_m(self, ground: LocalPlanes) -> Grid:
         """Noise of the height of one pixel over the plane around each cell, metres."""
-        return self.share * come_down_m(self.over(ground), self.eye_m)
+        return self.share * lever_m(self.over(ground), self.eye_m)
 
 
-def come_down_m(over_m: NDArray[np.float32], eye_m: float) -> NDArray[np.float32]:
-    """Tell how far a ray comes down on its way from the eye, against the ground where it ends.
+def lever_m(below_eye_m: NDArray[np.float32], eye_m: float) -> NDArray[np.float32]:
+    """Tell by how much a height changes with the distance, for the noise of one.
 
     Parameters
     ----------
-    over_m : ndarray of float32
-        Height of the eye over where the ray ends, perpendicular to the ground there, metres.
+    below_eye_m : ndarray of float32
+        How far the ray to a point comes down from the eye, against the ground where it ends;
+        below zero where that ground is seen from below.
     eye_m : float
-        Its height over the plane through all the ground, metres.
+        Height of the eye over the plane through all the ground, metres.
+
+    Returns
+    -------
+    ndarray of float32
+        Metres of height for the whole distance: positive, and at least `LEAST_SHARE` of the eye's.
     """
-    return np.maximum(np.abs(over_m), np.float32(LEAST_SHARE * eye_m))
+    return np.maximum(np.abs(below_eye_m), np.float32(LEAST_SHARE * eye_m))

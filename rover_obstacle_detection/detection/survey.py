@@ -22,7 +22,7 @@ from rover_obstacle_detection.detection.elevation_map import (
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.local_ground import local_ground
 from rover_obstacle_detection.detection.noise import height_noise_m
-from rover_obstacle_detection.detection.sight import Sight, come_down_m
+from rover_obstacle_detection.detection.sight import Sight, lever_m
 
 Image = NDArray[np.float32]
 
@@ -95,9 +95,9 @@ class Terrain:
         Above the local ground, metres; NaN where there is no 3D within range.
     noise_m : ndarray of float32, shape (height, width)
         Its standard deviation, metres; infinite where there is no match.
-    below_eye_m : ndarray of float32, shape (height, width)
-        How far the ray to each point comes down from the eye, against the ground around the
-        point, metres: a share of its distance changes its height by that share of this.
+    eye_m : ndarray of float32, shape (height, width)
+        Height of the eye over the plane that the ground around each pixel lies in, metres; below
+        zero where that ground is seen from below.
     pixels_per_metre : ndarray of float32, shape (height, width)
         Of the image, at the pixel's distance; 0 where there is no match.
     layers : tuple of Layer
@@ -106,7 +106,7 @@ class Terrain:
 
     height_m: Image
     noise_m: Image
-    below_eye_m: Image
+    eye_m: Image
     pixels_per_metre: Image
     layers: tuple[Layer, ...]
 
@@ -120,7 +120,7 @@ class Terrain:
         return Terrain(
             self.height_m[window],
             self.noise_m[window],
-            self.below_eye_m[window],
+            self.eye_m[window],
             self.pixels_per_metre[window],
             (),
         )
@@ -160,6 +160,7 @@ def survey(
     """
     points = _points(disparity, noise_px, expected, camera, ground, config)
     height_m = np.full_like(disparity, np.nan)
+    eye_m = np.full_like(disparity, ground.height_m)
     below_eye_m = points.below_eye_m.copy()
     layers = []
     nearest_m = -math.inf
@@ -171,14 +172,14 @@ def survey(
             continue
         above_m = points.over_plane_m[layer.rows] - sample_map(layer.ground_m, layer.positions)
         np.copyto(height_m[layer.rows], above_m, where=layer.pixels)
-        # A point moves along its ray, which comes down from the eye to where the point is.
-        below_m = come_down_m(sample_map(layer.eye_m, layer.positions) - above_m, ground.height_m)
-        np.copyto(below_eye_m[layer.rows], below_m, where=layer.pixels)
+        over_m = sample_map(layer.eye_m, layer.positions)
+        np.copyto(eye_m[layer.rows], over_m, where=layer.pixels)
+        np.copyto(below_eye_m[layer.rows], over_m - above_m, where=layer.pixels)
         layers.append(layer)
     return Terrain(
         height_m,
-        height_noise_m(disparity, below_eye_m, noise_px),
-        below_eye_m,
+        height_noise_m(disparity, lever_m(below_eye_m, ground.height_m), noise_px),
+        eye_m,
         disparity / np.float32(camera.baseline_m),
         tuple(layers),
     )
@@ -215,8 +216,9 @@ def _points(
         out=over_plane_m,
         where=in_range,
     )
-    below_eye_m = come_down_m(ground.height_m - over_plane_m, ground.height_m)
-    noise_m = height_noise_m(disparity, below_eye_m, noise_px)
+    # A point moves along its ray, which comes down from the eye to where the point is.
+    below_eye_m = np.float32(ground.height_m) - over_plane_m
+    noise_m = height_noise_m(disparity, lever_m(below_eye_m, ground.height_m), noise_px)
     across_m, along_m = plane_coordinates(disparity, camera, ground)
     rise = math.tan(math.radians(max(config.max_slope, REPOSE_DEG)))
     # Ground lies no steeper than it can: false matches in the sky would make some nearby.
@@ -256,7 +258,7 @@ def _map_layer(
         eye_m,
         -positions.first_column,
         -positions.first_row,
-        cell_noise_m / come_down_m(eye_m - mean_m, eye_m),
+        cell_noise_m / lever_m(np.float32(eye_m) - mean_m, eye_m),
     )
     ground = local_ground(
         mean_m,
