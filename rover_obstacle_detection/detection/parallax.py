@@ -69,8 +69,7 @@ def parallax_evidence(
     eye_m = terrain.eye_m[window]
     below_eye_m = eye_m - height_m
     usable &= below_eye_m > np.float32(_LEAST_BELOW_EYE) * eye_m
-    on_ground = np.zeros_like(disparity)
-    np.divide(disparity * below_eye_m, eye_m, out=on_ground, where=usable)
+    on_ground = _over(disparity * below_eye_m, eye_m, usable)
     usable &= on_ground > 0
     column = np.arange(camera.width, dtype=np.float32)[columns]
     source_rows = stereo.alignment.rows(camera, column)[rows]
@@ -94,13 +93,18 @@ def parallax_evidence(
         if share:
             below_m = eye_m - np.float32(share * max_step_m)
             possible = usable & (below_m > np.float32(_LEAST_BELOW_EYE) * eye_m)
-            hypothesis = np.zeros_like(disparity)
-            np.divide(on_ground * eye_m, below_m, out=hypothesis, where=possible)
+            hypothesis = _over(on_ground * eye_m, below_m, possible)
         gain = squares - (difference(hypothesis) - brightness) ** 2
         gain[~(possible & (reached >= hypothesis))] = 0
         cv2.blur(gain, (_WINDOW, _WINDOW), dst=found)
         found /= noise
     return evidence
+
+
+def _over(numerator: Image, denominator: Image, where: NDArray[np.bool_]) -> Image:
+    """Divide where that is possible; 0 elsewhere, where NumPy 1.26 would warn all the same."""
+    quotient = numerator / np.where(where, denominator, 1)
+    return np.asarray(np.where(where, quotient, 0), np.float32)
 
 
 def _mean_around(image: Image, where: NDArray[np.bool_]) -> Image:
