@@ -109,6 +109,23 @@ def test_what_stands_as_high_as_the_eye_hides_no_ground():
         assert not each[RAISED][4:-4, 4:-4].any()
 
 
+@pytest.mark.parametrize('eye_m', [0.0, 1e-6, -1.0])
+def test_ground_in_line_with_the_eye_or_above_it_tells_nothing(eye_m):
+    expected = expected_of(GROUND)
+    noise_px = np.full_like(expected, 0.1)
+    terrain = survey(expected, noise_px, expected, CAMERA, GROUND, DetectorConfig())
+    terrain.eye_m[INNER] = eye_m
+    terrain.height_m[INNER] = -0.5
+    image = waves.as_image(waves.texture(*np.meshgrid(np.arange(240), np.arange(180))), NOISE, 1)
+    stereo = Stereo(
+        (image, image), GROUND, expected, expected, noise_px, RowAlignment(), NOISE, 8.0
+    )
+    found = parallax_evidence(stereo, terrain, CAMERA, MAX_STEP_M, EVERYWHERE)
+    assert np.isfinite(found).all()
+    assert not found[:, 61:-31, 61:-21].any()
+    assert found[1:, 40:50, 60:-20].any()
+
+
 def test_where_the_right_image_ends_nothing_is_told():
     found = evidence_of()
     ground_px = expected_of(GROUND)

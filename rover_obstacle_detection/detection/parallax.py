@@ -18,7 +18,8 @@ STEP_SHARES = (0.5, 1.0, 2.0)
 _BRIGHTNESS_WINDOW = 41
 _WINDOW = 3
 _LEAST_NOISE = 1.0
-# Of the eye's height over the local ground: what stands nearly as high hides ground far away.
+# Of the eye's height over the plane: what stands nearly as high as the eye hides ground far away,
+# and ground in line with the eye hides none.
 _LEAST_BELOW_EYE = 0.05
 
 
@@ -68,7 +69,8 @@ def parallax_evidence(
     height_m = np.where(usable, terrain.height_m[window], 0)
     eye_m = terrain.eye_m[window]
     below_eye_m = eye_m - height_m
-    usable &= below_eye_m > np.float32(_LEAST_BELOW_EYE) * eye_m
+    least_m = np.float32(_LEAST_BELOW_EYE * stereo.ground.height_m)
+    usable &= (below_eye_m > least_m) & (eye_m > least_m)
     on_ground = _over(disparity * below_eye_m, eye_m, usable)
     usable &= on_ground > 0
     column = np.arange(camera.width, dtype=np.float32)[columns]
@@ -92,7 +94,7 @@ def parallax_evidence(
         hypothesis, possible = disparity, usable
         if share:
             below_m = eye_m - np.float32(share * max_step_m)
-            possible = usable & (below_m > np.float32(_LEAST_BELOW_EYE) * eye_m)
+            possible = usable & (below_m > least_m)
             hypothesis = _over(on_ground * eye_m, below_m, possible)
         gain = squares - (difference(hypothesis) - brightness) ** 2
         gain[~(possible & (reached >= hypothesis))] = 0
@@ -102,7 +104,7 @@ def parallax_evidence(
 
 
 def _over(numerator: Image, denominator: Image, where: NDArray[np.bool_]) -> Image:
-    """Divide where that is possible; 0 elsewhere, where NumPy 1.26 would warn all the same."""
+    """Divide where that is possible; 0 elsewhere."""
     quotient = numerator / np.where(where, denominator, 1)
     return np.asarray(np.where(where, quotient, 0), np.float32)
 
