@@ -71,7 +71,7 @@ def parallax_evidence(
     below_eye_m = eye_m - height_m
     least_m = np.float32(_LEAST_BELOW_EYE * stereo.ground.height_m)
     usable &= (below_eye_m > least_m) & (eye_m > least_m)
-    on_ground = _over(disparity * below_eye_m, eye_m, usable)
+    on_ground = _quotient(disparity * below_eye_m, eye_m, usable)
     usable &= on_ground > 0
     column = np.arange(camera.width, dtype=np.float32)[columns]
     source_rows = stereo.alignment.rows(camera, column)[rows]
@@ -95,7 +95,7 @@ def parallax_evidence(
         if share:
             below_m = eye_m - np.float32(share * max_step_m)
             possible = usable & (below_m > least_m)
-            hypothesis = _over(on_ground * eye_m, below_m, possible)
+            hypothesis = _quotient(on_ground * eye_m, below_m, possible)
         gain = squares - (difference(hypothesis) - brightness) ** 2
         gain[~(possible & (reached >= hypothesis))] = 0
         cv2.blur(gain, (_WINDOW, _WINDOW), dst=found)
@@ -103,10 +103,10 @@ def parallax_evidence(
     return evidence
 
 
-def _over(numerator: Image, denominator: Image, where: NDArray[np.bool_]) -> Image:
+def _quotient(numerator: Image, denominator: Image, where: NDArray[np.bool_]) -> Image:
     """Divide where that is possible; 0 elsewhere."""
-    quotient = numerator / np.where(where, denominator, 1)
-    return np.asarray(np.where(where, quotient, 0), np.float32)
+    divided = numerator / np.where(where, denominator, 1)
+    return np.asarray(np.where(where, divided, 0), np.float32)
 
 
 def _mean_around(image: Image, where: NDArray[np.bool_]) -> Image:
