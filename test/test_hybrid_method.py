@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 import synthetic
+import waves
 from synthetic import Box, Dome, Pit, Plane, Scene, hazard_camera, iou, mast, pinhole, render
 
 from rover_obstacle_detection.detection.config import DetectorConfig
@@ -17,6 +19,7 @@ from rover_obstacle_detection.detection.cue import Cue
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.gravity import Gravity
 from rover_obstacle_detection.detection.hybrid import slope_beyond_border
+from rover_obstacle_detection.detection.lens_distortion import LensDistortion
 from rover_obstacle_detection.detection.regions import nearest_known
 
 BLOCK = (Box(0.0, 1.2, 0.3, 0.3, 0.3),)
@@ -281,6 +284,30 @@ def test_rows_that_are_off_are_put_right(rows):
         errors[stages] = np.median(np.abs(found.disparity - view.disparity)[near])
     assert errors[()] < 0.1
     assert errors[()] < 0.5 * errors[('rows',)]
+
+
+def test_lenses_that_rectification_left_bent_make_no_slope():
+    scene = mast(640, 480, solids=BLOCK)
+    view = render(scene)
+    camera = scene.camera
+    columns, rows = np.meshgrid(np.arange(640), np.arange(480))
+    seen = waves.straight_right(camera, columns, rows, LensDistortion(0.0, -0.06))
+    right = cv2.remap(
+        view.right, *(each.astype(np.float32) for each in seen), cv2.INTER_CUBIC,
+        borderMode=cv2.BORDER_REPLICATE,
+    )  # fmt: skip
+    near = view.depth_m < JUDGED_M
+    errors, shares = {}, {}
+    for stages in ((), ('lenses',)):
+        detector = Detector(camera, leave_out=frozenset(stages))
+        found = detector.detect(view.left, right, gravity=scene.gravity)
+        matched = near & (found.disparity > 0)
+        errors[stages] = np.quantile(np.abs(found.disparity - view.disparity)[matched], 0.9)
+        shares[stages] = np.mean(found.cues[near & ~view.obstacle] > 0)
+        assert iou(found.mask, view.obstacle, near) > 0.4 or stages
+    assert errors[()] < 0.4
+    assert errors[('lenses',)] > 1
+    assert shares[()] < 0.01
 
 
 def test_disparity_is_finer_for_the_subpixel_stage():

@@ -9,9 +9,13 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.disparity import Penalties
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.ground_plane import DisparityPlane
-from rover_obstacle_detection.detection.row_alignment import RowAlignment
+from rover_obstacle_detection.detection.lens_distortion import (
+    STRAIGHT_LENSES,
+    LensDistortion,
+    Lenses,
+)
+from rover_obstacle_detection.detection.row_alignment import STRAIGHT, RowAlignment
 from rover_obstacle_detection.detection.warped_matching import (
-    NO_SHIFT,
     CoarseDisparity,
     coarse_disparity,
     residual_range,
@@ -152,6 +156,43 @@ def test_rows_that_are_off_are_told_in_pixels_of_the_full_image(offset, turn):
     assert found.alignment.turn == pytest.approx(turn, abs=5e-4)
 
 
+LENSES = [
+    Lenses(LensDistortion(0.01, -0.015)),
+    Lenses(right=LensDistortion(0.01, -0.015)),
+    Lenses(LensDistortion(0.01, -0.015), LensDistortion(-0.01)),
+]
+
+
+@pytest.mark.parametrize('lenses', LENSES, ids=str)
+@pytest.mark.parametrize('straighten', [True, False])
+def test_lenses_that_still_bend_are_straightened(lenses, straighten):
+    camera = synthetic.pinhole(640, 480, 80.0, 0.06)
+    truth = DisparityPlane(0.0, 0.06, 24.0)
+    true = truth.disparity(camera).reshape(120, 4, 160, 4).mean(axis=(1, 3)) / 4
+
+    def matched(lenses):
+        pair = waves.stereo_pair(
+            camera, truth, RowAlignment(0.5), lenses=lenses, shortest_px=16, noise=2.0
+        )
+        found = coarse_disparity(*pair, camera, CONFIG, OWN, 4, lenses=straighten)
+        assert found.alignment.offset_px == pytest.approx(0.5, abs=0.12)
+        assert (found.disparity > 0).mean() > 0.8
+        error = np.abs(found.disparity - true)[found.disparity > 0]
+        return found, np.quantile(error, 0.9)
+
+    found, error = matched(lenses)
+    assert bool(found.lenses) == straighten
+    assert (error < 1.1 * matched(STRAIGHT_LENSES)[1]) == straighten
+
+
+@pytest.mark.parametrize('alignment', [STRAIGHT, RowAlignment(1.0, 0.004)])
+def test_straight_lenses_stay_straight(alignment):
+    camera = synthetic.pinhole(640, 480, 80.0, 0.06)
+    truth = DisparityPlane(0.0, 0.06, 24.0)
+    pair = waves.stereo_pair(camera, truth, alignment, shortest_px=16, noise=2.0)
+    assert not coarse_disparity(*pair, camera, CONFIG, OWN, 4).lenses
+
+
 def test_smallest_disparity_is_in_pixels_of_the_full_image():
     camera = synthetic.pinhole(640, 480, 60.0, 0.06)
     truth = DisparityPlane(0.0, 0.05, 26.0)
@@ -168,7 +209,7 @@ def coarse_of(residuals):
     camera = synthetic.pinhole(40, 30, 60.0, 0.06)
     disparity = np.full(camera.shape, 5.0, np.float32)
     disparity.ravel()[: len(residuals)] += np.asarray(residuals, np.float32)
-    return CoarseDisparity(disparity, camera, 4.0, NO_SHIFT), DisparityPlane(0.0, 0.0, 5.0)
+    return CoarseDisparity(disparity, camera, 4.0, STRAIGHT), DisparityPlane(0.0, 0.0, 5.0)
 
 
 def test_search_covers_what_the_coarse_disparity_shows():

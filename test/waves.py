@@ -6,9 +6,12 @@ import numpy as np
 
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.ground_plane import DisparityPlane
-from rover_obstacle_detection.detection.row_alignment import RowAlignment
-
-NO_SHIFT = RowAlignment()
+from rover_obstacle_detection.detection.lens_distortion import (
+    STRAIGHT_LENSES,
+    LensDistortion,
+    Lenses,
+)
+from rover_obstacle_detection.detection.row_alignment import STRAIGHT, RowAlignment
 
 WAVES = 60
 
@@ -38,15 +41,17 @@ def as_image(grey, noise=0.0, seed=1):
 def stereo_pair(
     camera: StereoCamera,
     plane: DisparityPlane,
-    alignment: RowAlignment = NO_SHIFT,
+    alignment: RowAlignment = STRAIGHT,
     *,
+    lenses: Lenses = STRAIGHT_LENSES,
     noise=0.0,
     brighter=0.0,
     **look,
 ):
     """Left and right image; ``alignment`` is what the right one's rows are off."""
     columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    left = texture(columns, rows, **look)
+    left = texture(*straight_left(camera, columns, rows, lenses.left), **look)
+    columns, rows = straight_right(camera, columns, rows, lenses.right)
     # Which left pixel a right one shows: column and row depend on each other through both.
     straight = rows - alignment.offset_px + alignment.turn * camera.cx
     seen_at = columns + camera.disparity_offset + plane.level - plane.slope_u * camera.cx
@@ -56,3 +61,51 @@ def stereo_pair(
     seen_at /= 1 - plane.slope_u + down * alignment.turn
     right = texture(seen_at, straight - alignment.turn * seen_at, **look)
     return as_image(left, noise, 1), as_image(right + brighter, noise, 2)
+
+
+def straight_left(camera: StereoCamera, columns, rows, lens: LensDistortion):
+    """Where a straight lens would show what the left eye shows at some places."""
+    return _straight(camera, camera.cx, columns, rows, lens)
+
+
+def straight_right(camera: StereoCamera, columns, rows, lens: LensDistortion):
+    """Where a straight lens would show what the right eye shows at some places."""
+    return _straight(camera, camera.cx - camera.disparity_offset, columns, rows, lens)
+
+
+def seen_right(camera: StereoCamera, columns, rows, lens: LensDistortion):
+    """Where the right eye shows what a straight lens would show at some places."""
+    return _seen(camera, camera.cx - camera.disparity_offset, columns, rows, lens)
+
+
+def disparity_seen(
+    camera: StereoCamera,
+    plane: DisparityPlane,
+    alignment: RowAlignment = STRAIGHT,
+    lenses: Lenses = STRAIGHT_LENSES,
+):
+    """How far to the left of each left pixel the right eye shows the same, as matching finds it.
+
+    For rows that are little off: what they do to the column is left out.
+    """
+    columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    straight = straight_left(camera, columns, rows, lenses.left)
+    at, down = straight[0] - camera.cx, straight[1] - camera.cy
+    disparity = plane.level + plane.slope_u * at + plane.slope_v * down
+    reached = straight[0] - disparity - camera.disparity_offset - alignment.turn * down
+    seen, _ = seen_right(camera, reached, straight[1], lenses.right)
+    return (columns - seen - camera.disparity_offset).astype(np.float32)
+
+
+def _straight(camera, cx, columns, rows, lens):
+    straight = columns, rows
+    for _ in range(20 if lens else 0):
+        seen = _seen(camera, cx, *straight, lens)
+        straight = straight[0] + columns - seen[0], straight[1] + rows - seen[1]
+    return straight
+
+
+def _seen(camera, cx, columns, rows, lens):
+    x, y = (columns - cx) / camera.fx, (rows - camera.cy) / camera.fy
+    seen = 1 + lens.stretch(x, y)
+    return cx + x * seen * camera.fx, camera.cy + y * seen * camera.fy

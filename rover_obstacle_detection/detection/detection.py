@@ -19,6 +19,7 @@ from rover_obstacle_detection.detection.confidence import (
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.cue import Cue as Cue
 from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.lens_distortion import STRAIGHT_LENSES, Lenses
 from rover_obstacle_detection.detection.obstacles import (
     NumberedObstacles,
     Obstacle,
@@ -26,6 +27,7 @@ from rover_obstacle_detection.detection.obstacles import (
     number_obstacles,
 )
 from rover_obstacle_detection.detection.reprojection import reproject
+from rover_obstacle_detection.detection.row_alignment import STRAIGHT, RowAlignment
 
 Product = NDArray[Any] | Callable[[], NDArray[Any]]
 
@@ -47,12 +49,18 @@ class Detection:
         The ground in view, and with it the vertical.
     products : mapping of str to array or callable
         Arrays of the left image's size, or functions that make them.
+    alignment : RowAlignment
+        Rows by which the right image was off, made good.
+    lenses : Lenses
+        Distortion that rectification left, made good.
     """
 
     camera: StereoCamera
     config: DetectorConfig
     ground: GroundPlane
     products: Mapping[str, Product]
+    alignment: RowAlignment = STRAIGHT
+    lenses: Lenses = STRAIGHT_LENSES
 
     @cached_property
     def grey(self) -> NDArray[np.uint8]:
@@ -67,6 +75,8 @@ class Detection:
     @cached_property
     def points(self) -> NDArray[np.float32]:
         """Position in the left optical frame, metres, shape (height, width, 3); NaN where none."""
+        if 'points' in self.products:
+            return self._product('points')
         return _frozen(reproject(self.disparity, self.camera))
 
     @cached_property

@@ -20,9 +20,10 @@ from rover_obstacle_detection.detection.image_noise import (
     noise_share,
     smoothed_against_noise,
 )
+from rover_obstacle_detection.detection.lens_distortion import Lenses
 from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX
 from rover_obstacle_detection.detection.outline import texture_level, untextured
-from rover_obstacle_detection.detection.row_alignment import RowAlignment
+from rover_obstacle_detection.detection.row_alignment import STRAIGHT, RowAlignment
 from rover_obstacle_detection.detection.subpixel import refine_disparity
 from rover_obstacle_detection.detection.warped_matching import (
     coarse_disparity,
@@ -48,7 +49,7 @@ class Stereo:
     Parameters
     ----------
     pair : tuple of two ndarray of uint8, shape (height, width)
-        Grey, smoothed where noise drowns texture.
+        Grey, smoothed where noise drowns texture, straightened where lenses bend.
     ground : GroundPlane
     expected : ndarray of float32, shape (height, width)
         Disparity of the ground plane, pixels; below 0 above the horizon.
@@ -58,6 +59,8 @@ class Stereo:
         Its standard deviation.
     alignment : RowAlignment
         Rows by which the right image is off.
+    lenses : Lenses
+        By which both images were straightened: all else here is of what straight lenses show.
     grey_noise : float
         Standard deviation of the grey level between both images where they match.
     texture : float
@@ -70,6 +73,7 @@ class Stereo:
     disparity: NDArray[np.float32]
     noise_px: NDArray[np.float32]
     alignment: RowAlignment
+    lenses: Lenses
     grey_noise: float
     texture: float
 
@@ -103,11 +107,18 @@ def match_against_ground(
     pair = smoothed_against_noise(pair, share)
     finished('noise')
     coarse = coarse_disparity(
-        *pair, camera, config, penalties(config, COARSE_PENALTIES), COARSE_REDUCTION
+        *pair,
+        camera,
+        config,
+        penalties(config, COARSE_PENALTIES),
+        COARSE_REDUCTION,
+        lenses=not leave_out & {'rows', 'lenses'},
     )
+    alignment = STRAIGHT if 'rows' in leave_out else coarse.alignment
+    pair = coarse.lenses.straightened(pair, camera)
+    rover_mask = coarse.lenses.straightened_mask(rover_mask, camera)
     if rover_mask is not None:
         coarse.disparity[_reduced(rover_mask, coarse.disparity.shape)] = 0
-    alignment = RowAlignment() if 'rows' in leave_out else coarse.alignment
     finished('coarse disparity')
     ground = estimate_ground(coarse.disparity, coarse.camera, config, gravity)
     finished('ground plane')
@@ -141,6 +152,7 @@ def match_against_ground(
         refined.disparity,
         refined.noise_px,
         alignment,
+        coarse.lenses,
         refined.grey_noise,
         texture_level(pair[0]),
     )

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.as_seen import as_seen
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.clearance import small_parts
 from rover_obstacle_detection.detection.config import DetectorConfig
@@ -45,6 +46,7 @@ from rover_obstacle_detection.detection.vertical import estimate_vertical
 OPTIONAL_STAGES = (
     'noise',
     'rows',
+    'lenses',
     'subpixel',
     'layers',
     'vertical',
@@ -106,6 +108,7 @@ def detect_hybrid(
         Of `OPTIONAL_STAGES`: what to do without, to see what it is worth.
     """
     stereo = match_against_ground(pair, camera, config, gravity, rover_mask, finished, leave_out)
+    seen_mask, rover_mask = rover_mask, stereo.lenses.straightened_mask(rover_mask, camera)
     terrain = survey(
         stereo.disparity,
         stereo.noise_px,
@@ -155,6 +158,8 @@ def detect_hybrid(
     )
     if 'doubt' not in leave_out:
         detection = without_doubtful(detection)
+    if stereo.lenses.left:
+        detection = as_seen(detection, stereo.lenses, pair[0], seen_mask)
     finished('mask')
     return detection
 
@@ -317,6 +322,8 @@ def _detection(
         camera=camera,
         config=config,
         ground=ground,
+        alignment=stereo.alignment,
+        lenses=stereo.lenses,
         products={
             'grey': stereo.pair[0],
             'disparity': disparity,

@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import waves
+
+from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.lens_distortion import (
+    NO_DISTORTION,
+    STRAIGHT_LENSES,
+    LensDistortion,
+    Lenses,
+    bent_px,
+)
+
+CAMERA = StereoCamera(240, 180, 150.0, 140.0, 125.0, 80.0, 0.1, cx_right=110.0)
+
+
+def test_stretch_is_browns_polynomial():
+    lens = LensDistortion(0.1, -0.02, 0.003)
+    x, y = np.array([[0.0, 0.6, 3.0]], np.float32), np.array([[0.0], [0.8], [4.0]], np.float32)
+    found = lens.stretch(x, y)
+    assert found.dtype == np.float32
+    assert found.shape == (3, 3)
+    assert found[0, 0] == 0
+    assert found[1, 1] == pytest.approx(0.1 - 0.02 + 0.003)
+    assert found[2, 2] == pytest.approx(0.1 * 25 - 0.02 * 25**2 + 0.003 * 25**3)
+
+
+def test_distortion_is_true_if_there_is_any():
+    assert not NO_DISTORTION
+    assert not LensDistortion(0.0, 0.0, 0.0)
+    assert LensDistortion(0.0, 1e-6, 0.0)
+
+
+INNER = np.s_[12:-12, 16:-16]
+
+
+def places():
+    return np.meshgrid(
+        np.arange(CAMERA.width, dtype=np.float32), np.arange(CAMERA.height, dtype=np.float32)
+    )
+
+
+@pytest.mark.parametrize('eye', ['left', 'right'])
+@pytest.mark.parametrize('coefficients', [(0.1, 0, 0), (0, 0.1, 0), (0.1, 0.05, -0.05)])
+def test_straightened_image_shows_things_where_a_straight_lens_would(eye, coefficients):
+    lens = LensDistortion(*coefficients)
+    where = waves.straight_left if eye == 'left' else waves.straight_right
+    straight = waves.as_image(waves.texture(*places()))
+    bent = waves.as_image(waves.texture(*where(CAMERA, *places(), lens)))
+    other = np.zeros_like(bent)
+    pair = (bent, other) if eye == 'left' else (other, bent)
+    found = Lenses(**{eye: lens}).straightened(pair, CAMERA)
+
+    def error(image):
+        return np.median(np.abs(image.astype(float) - straight)[INNER])
+
+    assert error(bent) > 2
+    assert error(found[pair[0] is other]) < 1
+    assert found[pair[0] is bent] is other
+
+
+def test_straight_lenses_cost_nothing():
+    pair = np.zeros(CAMERA.shape, np.uint8), np.ones(CAMERA.shape, np.uint8)
+    found = STRAIGHT_LENSES.straightened(pair, CAMERA)
+    assert found[0] is pair[0]
+    assert found[1] is pair[1]
+    assert not STRAIGHT_LENSES
+    assert Lenses(right=LensDistortion(0.1))
+    assert Lenses(LensDistortion(0.1))
+
+
+def test_places_in_the_left_image_and_in_its_straightened_self():
+    lenses = Lenses(LensDistortion(0.05, -0.01, 0.0), LensDistortion(1.0))
+    columns, rows = lenses.left_places(CAMERA)
+    # Column 200 of row 150 is half a focal length to the right and half one down.
+    assert columns[150, 200] == pytest.approx(125 + 75 * (1 + 0.05 * 0.5 - 0.01 * 0.25))
+    assert rows[150, 200] == pytest.approx(80 + 70 * (1 + 0.05 * 0.5 - 0.01 * 0.25))
+    straight = lenses.straight_left_places(CAMERA)
+    assert all(each.dtype == np.float32 for each in (columns, rows, *straight))
+    expected = waves.straight_left(CAMERA, *places(), lenses.left)
+    np.testing.assert_allclose(straight, expected, atol=0.02)
+
+
+def test_places_that_a_lens_shows_nowhere_are_not_a_number():
+    # Nothing is seen farther out than at a radius of 0.384 focal lengths.
+    columns, rows = Lenses(LensDistortion(-1.0)).straight_left_places(CAMERA)
+    x, y = CAMERA.rays()
+    radius = np.hypot(x, y)
+    assert np.isfinite(columns[radius < 0.35]).all()
+    assert np.isnan(columns[radius > 0.4]).mean() > 0.9
+    np.testing.assert_array_equal(np.isnan(columns), np.isnan(rows))
+
+
+def test_mask_is_straightened_as_the_left_image_is():
+    lenses = Lenses(LensDistortion(0.1))
+    columns, rows = waves.straight_left(CAMERA, *places(), lenses.left)
+    inside = np.hypot(columns - 60, rows - 60) < 30
+    found = lenses.straightened_mask(inside, CAMERA)
+    assert found.dtype == np.bool_
+    straight = np.hypot(places()[0] - 60, places()[1] - 60) < 30
+    assert (found & straight).sum() / (found | straight).sum() > 0.97
+    assert (inside & straight).sum() / (inside | straight).sum() < 0.93
+    assert Lenses(right=LensDistortion(0.1)).straightened_mask(inside, CAMERA) is inside
+    assert lenses.straightened_mask(None, CAMERA) is None
+
+
+def test_how_far_lenses_bend():
+    camera = StereoCamera(41, 21, 10.0, 5.0, 20.0, 10.0, 0.1)
+    assert bent_px(STRAIGHT_LENSES, camera) == 0
+    # The corners lie sqrt(8) focal lengths off the axis, the middle of the sides two.
+    lenses = Lenses(LensDistortion(0.01), LensDistortion(0, -0.02))
+    assert bent_px(lenses, camera) == pytest.approx(0.02 * 8**2.5 * 10)
+    right = Lenses(right=LensDistortion(0.08, -0.01))
+    assert bent_px(right, camera) == pytest.approx((0.08 - 0.04) * 4 * 2 * 10)
