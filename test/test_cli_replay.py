@@ -97,6 +97,8 @@ def test_the_summary_tells_what_went_in_and_what_came_out(replayed, bag):
     assert frames[0]['obstacles'] >= 1
     assert frames[0]['camera_pitch_deg'] == pytest.approx(46, abs=5)
     assert frames[0]['camera_height_m'] == pytest.approx(1.0, abs=0.1)
+    assert frames[0]['rows_off_px'] == pytest.approx(0, abs=0.2)
+    assert frames[0]['lens_bend_px'] == 0
     stages = frames[0]['stage_ms']
     own = ('read', 'write bag', 'write images')
     assert set(own) < set(stages)

@@ -106,6 +106,14 @@ def test_mask_is_straightened_as_the_left_image_is():
     assert lenses.straightened_mask(None, CAMERA) is None
 
 
+def test_how_far_a_lens_moves_pixels_on_average():
+    camera = StereoCamera(401, 1, 200.0, 200.0, 200.0, 0.0, 0.1)
+    assert STRAIGHT_LENSES.mean_bend_px(camera) == 0
+    # Over a radius of up to one focal length r^3 is a quarter on average.
+    lenses = Lenses(LensDistortion(-0.004), LensDistortion(0.01))
+    assert lenses.mean_bend_px(camera) == pytest.approx(0.01 * 200 / 4, rel=0.1)
+
+
 def test_how_far_lenses_bend():
     camera = StereoCamera(41, 21, 10.0, 5.0, 20.0, 10.0, 0.1)
     assert bent_px(STRAIGHT_LENSES, camera) == 0

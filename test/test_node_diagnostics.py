@@ -23,6 +23,8 @@ COUNTS = Snapshot(
     latency_p95_ms=99.0,
     valid_share=0.963,
     obstacle_share=0.0514,
+    rows_off_px=-0.62,
+    lens_bend_px=0.25,
 )
 PAIRING = PairingStatistics(
     left=103, right=102, pairs=101, unmatched_left=2, unmatched_right=1, pending_left=0,
@@ -62,6 +64,8 @@ def test_good_state_is_ok_with_all_values() -> None:
     }
     assert status['calibration'].message == 'calibrated'
     assert status['calibration'].values['baseline (m)'] == '0.1000'
+    assert status['calibration'].values['rows off (px)'] == '-0.62'
+    assert status['calibration'].values['lenses bend (px)'] == '0.25'
     detection = status['detection'].values
     assert (detection['latency p50 (ms)'], detection['latency p95 (ms)']) == ('81.2', '99.0')
     assert (detection['dropped frames'], detection['bad frames']) == ('60', '1')
@@ -82,6 +86,8 @@ def test_good_state_is_ok_with_all_values() -> None:
         ({'counts': counted(detection_rate_hz=0.0)}, 'detection', ERROR, 'none can be used'),
         ({'counts': counted(valid_share=0.12)}, 'detection', WARN, 'only 12%'),
         ({'gravity_problem': 'no IMU'}, 'detection', WARN, 'no IMU'),
+        ({'counts': counted(rows_off_px=-1.2)}, 'calibration', WARN, 'rows -1.2 px off'),
+        ({'counts': counted(lens_bend_px=3.4)}, 'calibration', WARN, 'bend by 3.4 px'),
     ],
 )
 def test_what_is_wrong_is_said(
@@ -95,11 +101,15 @@ def test_what_is_wrong_is_said(
 
 def test_unknown_values_are_not_made_up() -> None:
     nothing = counted(latency_p50_ms=None, latency_p95_ms=None, valid_share=None)
+    nothing = dataclasses.replace(nothing, rows_off_px=None, lens_bend_px=None)
 
     values = judged(counts=nothing, pairing=None)['detection'].values
 
     assert values['latency p50 (ms)'] == 'unknown'
     assert values['valid disparity (%)'] == 'unknown'
+    calibration = judged(counts=nothing)['calibration']
+    assert calibration.values['rows off (px)'] == 'unknown'
+    assert calibration.level == OK
 
 
 class Images:

@@ -20,6 +20,7 @@ def test_counts_are_zero_and_times_unknown_at_first() -> None:
     assert snapshot.bad_frames == 0
     assert snapshot.latency_p50_ms is None
     assert snapshot.valid_share is None
+    assert snapshot.rows_off_px is None
 
 
 def test_rate_of_a_steady_stream_and_of_one_that_stopped() -> None:
@@ -41,7 +42,7 @@ def test_latency_percentiles_of_the_latest_detections() -> None:
     for _ in range(200):
         statistics.detection(9.0, 0.1, 0.0)
     for number in range(100):
-        statistics.detection(number / 1000, 0.9, 0.05)
+        statistics.detection(number / 1000, 0.9, 0.05, -0.6, 0.2)
 
     snapshot = statistics.snapshot()
 
@@ -49,6 +50,7 @@ def test_latency_percentiles_of_the_latest_detections() -> None:
     assert snapshot.latency_p50_ms == pytest.approx(49.5)
     assert snapshot.latency_p95_ms == pytest.approx(94.05)
     assert (snapshot.valid_share, snapshot.obstacle_share) == (0.9, 0.05)
+    assert (snapshot.rows_off_px, snapshot.lens_bend_px) == (-0.6, 0.2)
 
 
 def test_bad_frames_by_reason() -> None:

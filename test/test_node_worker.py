@@ -11,6 +11,8 @@ import pytest
 
 import rover_obstacle_detection.node.worker as module
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.lens_distortion import LensDistortion, Lenses
+from rover_obstacle_detection.detection.row_alignment import RowAlignment
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
@@ -49,7 +51,12 @@ class Detections:
         assert self.go_on.acquire(timeout=30)
         if self.failures:
             raise self.failures.pop()
-        return SimpleNamespace(disparity=np.ones(SHAPE), mask=np.zeros(SHAPE, np.uint8))
+        return SimpleNamespace(
+            disparity=np.ones(SHAPE),
+            mask=np.zeros(SHAPE, np.uint8),
+            alignment=RowAlignment(0.5),
+            lenses=Lenses(LensDistortion(0.01)),
+        )
 
 
 class Bench:
@@ -121,6 +128,8 @@ def test_newest_pair_is_next_and_the_others_are_counted(
 
     assert bench.published == [first, headers[-1]]
     assert bench.statistics.snapshot().dropped == 3
+    assert bench.statistics.snapshot().rows_off_px == 0.5
+    assert bench.statistics.snapshot().lens_bend_px > 0
 
 
 def test_changed_settings_hold_from_the_next_pair(bench: Bench, detections: Detections) -> None:

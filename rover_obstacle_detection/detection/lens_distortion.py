@@ -14,6 +14,7 @@ from rover_obstacle_detection.detection.image import GreyPair
 Image = NDArray[np.float32]
 
 ORDERS = 3
+_STRIDE = 8
 _INVERSION_STEPS = 12
 # Of a radius of a thousand pixels, half a pixel.
 _SETTLED_SHARE = 5e-4
@@ -74,6 +75,15 @@ class Lenses:
     def __bool__(self) -> bool:
         """Whether either bends."""
         return bool(self.left) or bool(self.right)
+
+    def mean_bend_px(self, camera: StereoCamera) -> float:
+        """How far the lens that bends more moves pixels, mean over the image."""
+        x, y = (each.ravel()[::_STRIDE] for each in camera.rays())
+        radius_px = np.hypot(x, y[:, np.newaxis]) * camera.fx
+        return max(
+            float(np.mean(np.abs(lens.stretch(x, y[:, np.newaxis])) * radius_px))
+            for lens in (self.left, self.right)
+        )
 
     def straightened(self, pair: GreyPair, camera: StereoCamera) -> GreyPair:
         """Show what straight lenses would.

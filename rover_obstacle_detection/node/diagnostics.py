@@ -11,6 +11,8 @@ from rover_obstacle_detection.pairing import PairingStatistics
 OK, WARN, ERROR, STALE = range(4)
 # Under this share of pixels with a disparity, most of the ground is not judged by 3D.
 LOW_VALID_SHARE = 0.3
+# What is made good is still the worse for it, and a sign that something was moved.
+WORN_CALIBRATION_PX = 1.0
 
 
 @dataclass(frozen=True)
@@ -114,8 +116,20 @@ def _calibration(state: NodeState) -> Status:
         'cx left (px)': f'{camera.cx:.3f}',
         'cx right (px)': f'{camera.cx_right:.3f}',
         'baseline (m)': f'{camera.baseline_m:.4f}',
+        'rows off (px)': _optional(state.counts.rows_off_px, 1, 2),
+        'lenses bend (px)': _optional(state.counts.lens_bend_px, 1, 2),
     }
-    return Status('calibration', OK, 'calibrated', values)
+    return Status('calibration', *_judge_calibration(state.counts), values)
+
+
+def _judge_calibration(counts: Snapshot) -> tuple[int, str]:
+    rows_off_px, lens_bend_px = counts.rows_off_px or 0.0, counts.lens_bend_px or 0.0
+    if max(abs(rows_off_px), lens_bend_px) < WORN_CALIBRATION_PX:
+        return OK, 'calibrated'
+    return WARN, (
+        f'rectification leaves rows {rows_off_px:.1f} px off and lenses that bend by '
+        f'{lens_bend_px:.1f} px, which is made good: calibrate again'
+    )
 
 
 def _detection(state: NodeState) -> Status:

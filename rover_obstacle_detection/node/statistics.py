@@ -37,6 +37,9 @@ class Snapshot:
         100 detections; None before the first.
     valid_share, obstacle_share : float or None
         Share of pixels with a disparity, and on obstacles, of the latest detection.
+    rows_off_px, lens_bend_px : float or None
+        What the latest detection had to make good of the rectification: rows by which the right
+        image is off, and how far a lens moves pixels, mean over the image.
     """
 
     pair_rate_hz: float
@@ -49,6 +52,8 @@ class Snapshot:
     latency_p95_ms: float | None
     valid_share: float | None
     obstacle_share: float | None
+    rows_off_px: float | None
+    lens_bend_px: float | None
 
     @property
     def bad_frames(self) -> int:
@@ -76,6 +81,7 @@ class NodeStatistics:
         self._bad: Counter[str] = Counter()
         self._latencies_s: deque[float] = deque(maxlen=LATEST)
         self._shares: tuple[float, float] | None = None
+        self._off_px: tuple[float, float] | None = None
 
     def pair(self) -> None:
         """Count a pair that arrived."""
@@ -97,13 +103,21 @@ class NodeStatistics:
         with self._lock:
             self._bad[reason] += 1
 
-    def detection(self, latency_s: float, valid_share: float, obstacle_share: float) -> None:
+    def detection(
+        self,
+        latency_s: float,
+        valid_share: float,
+        obstacle_share: float,
+        rows_off_px: float = 0.0,
+        lens_bend_px: float = 0.0,
+    ) -> None:
         """Count a detection that was published."""
         with self._lock:
             self._detected += 1
             self._detections.add(self._clock())
             self._latencies_s.append(latency_s)
             self._shares = valid_share, obstacle_share
+            self._off_px = rows_off_px, lens_bend_px
 
     def snapshot(self) -> Snapshot:
         """Read all counters at once."""
@@ -115,6 +129,7 @@ class NodeStatistics:
                 else (None, None)
             )
             valid, obstacle = self._shares or (None, None)
+            rows_off_px, lens_bend_px = self._off_px or (None, None)
             return Snapshot(
                 pair_rate_hz=self._pairs.per_second(now_s),
                 detection_rate_hz=self._detections.per_second(now_s),
@@ -126,6 +141,8 @@ class NodeStatistics:
                 latency_p95_ms=None if p95 is None else float(p95),
                 valid_share=valid,
                 obstacle_share=obstacle,
+                rows_off_px=rows_off_px,
+                lens_bend_px=lens_bend_px,
             )
 
 

@@ -132,6 +132,8 @@ class DetectionWorker:
             time.monotonic() - pair.arrival_s,
             valid_share=valid_share,
             obstacle_share=np.count_nonzero(detection.mask) / detection.mask.size,
+            rows_off_px=detection.alignment.offset_px,
+            lens_bend_px=detection.lenses.mean_bend_px(camera),
         )
 
     def _check_sizes(self, left: Any, right: Any, camera: StereoCamera) -> None:

@@ -51,6 +51,9 @@ class FrameSummary:
         Greatest height above the local ground; NaN where none.
     camera_pitch_deg, camera_height_m : float
         Of the optical axis below the horizon, and of the left eye above the ground in view.
+    rows_off_px, lens_bend_px : float
+        What was made good of the rectification: rows by which the right image is off, and how far
+        a lens moves pixels, mean over the image.
     """
 
     obstacles: int
@@ -61,6 +64,8 @@ class FrameSummary:
     tallest_obstacle_m: float
     camera_pitch_deg: float
     camera_height_m: float
+    rows_off_px: float
+    lens_bend_px: float
 
     @classmethod
     def of(cls, detection: Detection) -> FrameSummary:
@@ -75,6 +80,8 @@ class FrameSummary:
             tallest_obstacle_m=_extreme(max, [each.max_height_m for each in obstacles]),
             camera_pitch_deg=detection.ground.pitch_deg,
             camera_height_m=detection.ground.height_m,
+            rows_off_px=detection.alignment.offset_px,
+            lens_bend_px=detection.lenses.mean_bend_px(detection.camera),
         )
 
     def as_json(self) -> dict[str, Any]:
