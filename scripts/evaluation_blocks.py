@@ -16,6 +16,7 @@ from rover_obstacle_detection.evaluation.fault_tables import (
     losses_table,
 )
 from rover_obstacle_detection.evaluation.gravity_study import gravity_scene_table, gravity_table
+from rover_obstacle_detection.evaluation.lens_study import lens_table
 from rover_obstacle_detection.evaluation.reliability import JudgedObstacles, reliability_table
 from rover_obstacle_detection.evaluation.results import Evaluation, mean_iou
 from rover_obstacle_detection.evaluation.tables import (
@@ -162,6 +163,7 @@ BLOCKS: dict[str, Block] = {
     'ablation-tuning': tabulated(lambda results: ablation_table(results.ablation(TUNE), OWN)),
     'gravity': tabulated(lambda results: gravity_table(by_condition(results.gravity))),
     'gravity-scenes': tabulated(lambda results: gravity_scene_table(results.gravity(REPORT))),
+    'lenses': tabulated(lambda results: lens_table(results.lenses(REPORT))),
     'clearance': tabulated(lambda results: clearance_table(results.curves)),
     'ranges': tabulated(lambda results: range_table(results.timed(OWN), OWN)),
     'reliability': tabulated(reliability),

@@ -17,6 +17,7 @@ import cv2
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.evaluation.disparity_study import Errors, SceneDisparity, pair_errors
 from rover_obstacle_detection.evaluation.gravity_study import SceneGravity
+from rover_obstacle_detection.evaluation.lens_study import SceneLenses
 from rover_obstacle_detection.evaluation.methods.ablation import ablated_methods
 from rover_obstacle_detection.evaluation.methods.registry import USE_CLEARANCE
 from rover_obstacle_detection.evaluation.motorcycle import load_motorcycle
@@ -27,6 +28,7 @@ from rover_obstacle_detection.offline.scene_studies import (
     evaluate_scene,
     study_disparity,
     study_gravity,
+    study_lenses,
     study_reliability,
 )
 
@@ -127,6 +129,12 @@ class Results:
     def disparity(self, kind: str) -> list[SceneDisparity]:
         """Measure the errors of the disparity."""
         return self._shared('disparity', study_disparity, self._bags[kind], CONFIG)
+
+    @functools.cache  # noqa: B019
+    def lenses(self, kind: str) -> list[SceneLenses]:
+        """Look through lenses that bend."""
+        frames = self._shared('bent lenses', study_lenses, self._bags[kind], CONFIG)
+        return [frame for scene in frames for frame in scene]
 
     @functools.cache  # noqa: B019
     def reliability(self, kind: str) -> list[JudgedObstacles]:

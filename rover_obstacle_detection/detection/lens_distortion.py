@@ -133,16 +133,11 @@ class Lenses:
         columns, rows : ndarray of float32, shape (height, width)
             NaN where the polynomial cannot be inverted: far out it may turn back.
         """
-        seen_x, seen_y = camera.rays()
-        scale = np.ones(camera.shape, np.float32)
-        for _ in range(_INVERSION_STEPS):
-            stretched = 1 + self.left.stretch(seen_x * scale, seen_y * scale)
-            former, scale = scale, np.asarray(1 / np.maximum(stretched, _LEAST), np.float32)
-        unsettled = (np.abs(scale - former) > _SETTLED_SHARE) | (stretched <= _LEAST)
-        scale[unsettled] = np.nan
-        columns = seen_x * scale * np.float32(camera.fx) + np.float32(camera.cx)
-        rows = seen_y * scale * np.float32(camera.fy) + np.float32(camera.cy)
-        return columns, rows
+        return _straight_places(camera, 0.0, self.left)
+
+    def straight_right_places(self, camera: StereoCamera) -> tuple[Image, Image]:
+        """Give the same of the right image."""
+        return _straight_places(camera, camera.disparity_offset, self.right)
 
 
 STRAIGHT_LENSES = Lenses()
@@ -173,6 +168,24 @@ def _seen_places(
     columns = np.arange(camera.width, dtype=np.float32) + stretch * x * np.float32(camera.fx)
     rows = np.arange(camera.height, dtype=np.float32)[:, np.newaxis]
     return columns, np.asarray(rows + stretch * y * np.float32(camera.fy), np.float32)
+
+
+def _straight_places(
+    camera: StereoCamera, principal_point_px: float, lens: LensDistortion
+) -> tuple[Image, Image]:
+    """Where a straight eye would show what one shows at each pixel."""
+    seen_x, seen_y = camera.rays()
+    seen_x = seen_x + np.float32(principal_point_px / camera.fx)
+    scale = np.ones(camera.shape, np.float32)
+    for _ in range(_INVERSION_STEPS):
+        stretched = 1 + lens.stretch(seen_x * scale, seen_y * scale)
+        former, scale = scale, np.asarray(1 / np.maximum(stretched, _LEAST), np.float32)
+    unsettled = (np.abs(scale - former) > _SETTLED_SHARE) | (stretched <= _LEAST)
+    scale[unsettled] = np.nan
+    principal_column = np.float32(camera.cx - principal_point_px)
+    columns = seen_x * scale * np.float32(camera.fx) + principal_column
+    rows = seen_y * scale * np.float32(camera.fy) + np.float32(camera.cy)
+    return columns, rows
 
 
 def _sampled(image: NDArray[np.uint8], columns: Image, rows: Image) -> NDArray[np.uint8]:

@@ -22,6 +22,7 @@ from rover_obstacle_detection.evaluation.disparity_study import (
 )
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.gravity_study import SceneGravity, compare_gravity
+from rover_obstacle_detection.evaluation.lens_study import SceneLenses, compare_lenses
 from rover_obstacle_detection.evaluation.reliability import JudgedObstacles
 from rover_obstacle_detection.evaluation.results import Evaluation
 from rover_obstacle_detection.evaluation.runner import RunOptions
@@ -84,6 +85,18 @@ def study_gravity(path: Path, config: DetectorConfig) -> SceneGravity:
         compared = [compare_gravity(frame, config, height_m) for frame in _frames(bag, truth)]
         frames = tuple(frame for frame in compared if frame is not None)
         return SceneGravity(bag_name(path), _conditions(bag, truth), frames)
+
+
+def study_lenses(path: Path, config: DetectorConfig) -> list[SceneLenses]:
+    """Run the detector on each frame through lenses that bend.
+
+    Raises
+    ------
+    ObstacleDetectionError
+        If the recording, or any of its frames, cannot be used.
+    """
+    with open_bag(path) as bag:
+        return [compare_lenses(frame, config) for frame in _frames(bag, find_truth_topics(bag))]
 
 
 def study_reliability(path: Path, config: DetectorConfig) -> JudgedObstacles:
