@@ -20,7 +20,6 @@ import copy
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -28,6 +27,7 @@ import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from outline_crops import CROP, STANDING, Example, crop
 from outline_network import Corrected, Folded, OutlineNet
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
@@ -39,7 +39,6 @@ from rover_obstacle_detection.detection.ground_matching import match_against_gro
 from rover_obstacle_detection.detection.hazards import standing_parts
 from rover_obstacle_detection.detection.image import grey_pair
 from rover_obstacle_detection.detection.outline_planes import (
-    PARALLAX_PLANES,
     PLANES,
     outline_planes,
 )
@@ -52,7 +51,6 @@ from rover_obstacle_detection.simulation.cache import cache_folder, simulated_ba
 from rover_obstacle_detection.simulation.suite import load_suite
 
 MODEL = Path(outline_model.__file__).with_name(outline_model.MODEL_FILE)
-CROP = 160
 BATCH = 10
 HELD_OUT = 'train_21[5-7]*'
 RATE = 3e-3
@@ -60,24 +58,6 @@ PLACES = 40
 IOU_WEIGHT = 0.5
 # Pixels, of a crop's 25,600.
 SPECK = 50
-HEIGHT = PLANES.index('height over the step')
-STANDING = PLANES.index('standing part')
-HEIGHT_OVER_NOISE = PLANES.index('height over its noise')
-HEIGHT_NOISE = PLANES.index('noise over the step')
-DISPARITY_NOISE = PLANES.index('disparity noise')
-MEASURED = PLANES.index('measured')
-SCALE = PLANES.index('scale')
-GREY = PLANES.index('grey level against the ground')
-
-
-@dataclass(frozen=True)
-class Example:
-    """Planes of a frame, which pixels are on rocks, which count, and where to look."""
-
-    planes: torch.Tensor
-    rock: torch.Tensor
-    counted: torch.Tensor
-    places: NDArray[np.intp]
 
 
 def main() -> None:
@@ -213,74 +193,6 @@ def soft_iou(found: torch.Tensor, rock: torch.Tensor) -> torch.Tensor:
 def full_resolution(net: OutlineNet, planes: torch.Tensor) -> torch.Tensor:
     """Logits of each pixel, shape (n, height, width)."""
     return functional.pixel_shuffle(net(planes), 2)[:, 0]
-
-
-def crop(
-    example: Example, generator: np.random.Generator
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Cut out a square, mostly around something, at a random scale and contrast."""
-    height, width = example.rock.shape
-    factor = math.exp(generator.uniform(math.log(0.7), math.log(1.5)))
-    if generator.random() > 0.6:
-        factor = 1.0
-    size = min(int(CROP / factor), height, width)
-    if len(example.places) and generator.random() < 0.75:
-        row, column = example.places[generator.integers(len(example.places))]
-        row += generator.integers(-size // 3, size // 3 + 1)
-        column += generator.integers(-size // 3, size // 3 + 1)
-    else:
-        row, column = generator.integers(height), generator.integers(width)
-    top = int(np.clip(row - size // 2, 0, height - size))
-    left = int(np.clip(column - size // 2, 0, width - size))
-    window = np.s_[..., top : top + size, left : left + size]
-    planes = example.planes[window].float()[None]
-    targets = torch.stack((example.rock[window], example.counted[window])).float()[None]
-    if size != CROP:
-        planes = functional.interpolate(planes, (CROP, CROP), mode='bilinear')
-        targets = functional.interpolate(targets, (CROP, CROP), mode='nearest')
-        planes[:, MEASURED] = (planes[:, MEASURED] > 0.5).float()
-        planes[:, SCALE] += math.log(CROP / size) / 3
-    disturb(planes, generator)
-    bumps = torch.from_numpy(generator.normal(0, 1, (1, 1, CROP // 16, CROP // 16)))
-    bumps = functional.interpolate(bumps.float(), (CROP, CROP), mode='bilinear')
-    planes[:, HEIGHT] += bumps[:, 0] * generator.uniform(0, 0.08)
-    if generator.random() < 0.25:
-        hide_a_side(planes, generator)
-    if generator.random() < 0.5:
-        planes, targets = planes.flip(-1), targets.flip(-1)
-    return planes[0], targets[0, 0], targets[0, 1]
-
-
-def disturb(planes: torch.Tensor, generator: np.random.Generator) -> None:
-    """Vary what cameras and light vary: contrast, image noise, focus, how well all is known."""
-
-    def factor(spread: float) -> float:
-        return math.exp(generator.normal(0, spread))
-
-    planes[:, GREY] *= factor(0.35)
-    planes[:, GREY] += generator.normal(0, 0.08)
-    if generator.random() < 0.3:
-        planes[:, GREY] += torch.randn(CROP, CROP) * generator.uniform(0, 0.2)
-    if generator.random() < 0.2:
-        planes[:, GREY] = functional.avg_pool2d(planes[:, GREY], 3, 1, 1)
-    planes[:, HEIGHT] *= factor(0.03)
-    planes[:, PARALLAX_PLANES] *= factor(0.25)
-    noise = factor(0.12)
-    planes[:, (HEIGHT_NOISE, DISPARITY_NOISE)] *= noise
-    planes[:, HEIGHT_OVER_NOISE] /= noise
-
-
-def hide_a_side(planes: torch.Tensor, generator: np.random.Generator) -> None:
-    """Take the 3D from one side of a crop, as from the border that the right eye does not see."""
-    columns, rows = torch.arange(CROP)[None], torch.arange(CROP)[:, None]
-    border = generator.uniform(0.15, 0.85) * CROP
-    border = border + generator.uniform(-0.4, 0.4) * (rows - CROP / 2)
-    border = border.round().clamp(0, CROP - 1).long()
-    source = torch.maximum(columns, border).expand(CROP, CROP)
-    for number in range(len(PLANES)):
-        if number not in (MEASURED, GREY, *PARALLAX_PLANES):
-            planes[0, number] = planes[0, number].gather(1, source)
-    planes[:, (MEASURED, *PARALLAX_PLANES)] *= (columns >= border).float()
 
 
 def mean_iou(net: OutlineNet, examples: Sequence[Example]) -> float:
