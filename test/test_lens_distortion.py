@@ -10,7 +10,6 @@ from rover_obstacle_detection.detection.lens_distortion import (
     STRAIGHT_LENSES,
     LensDistortion,
     Lenses,
-    bent_px,
 )
 
 CAMERA = StereoCamera(240, 180, 150.0, 140.0, 125.0, 80.0, 0.1, cx_right=110.0)
@@ -106,19 +105,65 @@ def test_mask_is_straightened_as_the_left_image_is():
     assert lenses.straightened_mask(None, CAMERA) is None
 
 
-def test_how_far_a_lens_moves_pixels_on_average():
-    camera = StereoCamera(401, 1, 200.0, 200.0, 200.0, 0.0, 0.1)
+def test_how_far_a_lens_moves_pixels_on_average_and_at_most():
+    camera = StereoCamera(401, 16, 200.0, 200.0, 200.0, 7.5, 0.1)
     assert STRAIGHT_LENSES.mean_bend_px(camera) == 0
     # Over a radius of up to one focal length r^3 is a quarter on average.
     lenses = Lenses(LensDistortion(-0.004), LensDistortion(0.01))
     assert lenses.mean_bend_px(camera) == pytest.approx(0.01 * 200 / 4, rel=0.1)
+    assert lenses.most_bend_px(camera) == pytest.approx(0.01 * 200, rel=0.01)
 
 
-def test_how_far_lenses_bend():
-    camera = StereoCamera(41, 21, 10.0, 5.0, 20.0, 10.0, 0.1)
-    assert bent_px(STRAIGHT_LENSES, camera) == 0
-    # The corners lie sqrt(8) focal lengths off the axis, the middle of the sides two.
-    lenses = Lenses(LensDistortion(0.01), LensDistortion(0, -0.02))
-    assert bent_px(lenses, camera) == pytest.approx(0.02 * 8**2.5 * 10)
-    right = Lenses(right=LensDistortion(0.08, -0.01))
-    assert bent_px(right, camera) == pytest.approx((0.08 - 0.04) * 4 * 2 * 10)
+def test_each_lens_bends_about_its_own_principal_point():
+    camera = StereoCamera(401, 16, 200.0, 200.0, 200.0, 7.5, 0.1, cx_right=100.0)
+    assert Lenses(LensDistortion(0.01)).most_bend_px(camera) == pytest.approx(2, rel=0.01)
+    right = Lenses(right=LensDistortion(0.01))
+    assert right.most_bend_px(camera) == pytest.approx(2 * 1.5**3, rel=0.01)
+
+
+def test_a_lens_that_bends_most_in_between_is_told_so():
+    camera = StereoCamera(401, 16, 200.0, 200.0, 200.0, 7.5, 0.1)
+    # r^3 - r^5 is largest at a radius of sqrt(3 / 5).
+    lenses = Lenses(LensDistortion(0.01, -0.01))
+    assert lenses.most_bend_px(camera) == pytest.approx(2 * 0.6**1.5 * 0.4, rel=0.01)
+
+
+def test_how_far_lenses_were_moved():
+    camera = StereoCamera(401, 16, 200.0, 200.0, 200.0, 7.5, 0.1)
+    before = Lenses(LensDistortion(0.02), LensDistortion(0.01))
+    now = Lenses(LensDistortion(0.016), LensDistortion(0.02))
+    assert now.moved_px(camera, now) == 0
+    assert now.moved_px(camera, before) == pytest.approx(0.01 * 200 / 4, rel=0.1)
+
+
+def test_what_no_eye_saw_is_matched_with_nothing():
+    camera = StereoCamera(240, 180, 150.0, 150.0, 119.5, 89.5, 0.1, cx_right=109.5)
+    disparity = np.full(camera.shape, 20, np.float32)
+    disparity[:, 100] = 0
+    assert not STRAIGHT_LENSES.unseen(disparity, camera).any()
+    # Seen too near the axis: a straightened image is full.
+    full = Lenses(LensDistortion(-0.1), LensDistortion(-0.1))
+    assert not full.unseen(disparity, camera)[6:-6, 40:-6].any()
+    # Seen too far out, the corners belong outside the frame.
+    for lenses in (Lenses(LensDistortion(0.1)), Lenses(right=LensDistortion(0.1))):
+        unseen = lenses.unseen(disparity, camera)
+        assert unseen[:, 234:].any() or unseen[:, :40].any()
+        assert not unseen[60:120, 60:180].any()
+        assert not unseen[disparity == 0].any()
+    left = Lenses(LensDistortion(0.1)).unseen(disparity, camera)
+    # Row 5 of the middle column is seen at 84.5 (1 + 0.1 (84.5 / 150)^2) px from the axis.
+    assert left[3, 120]
+    assert not left[12, 120]
+    right = Lenses(right=LensDistortion(0.1)).unseen(disparity, camera)
+    # Column 37 of the left image is reached at 7 of the right one, 102 px from its axis.
+    assert right[90, 37]
+    assert not right[90, 55]
+
+
+def test_beyond_where_a_lens_turns_back_nothing_was_seen():
+    # r - 0.5 r^3 is largest at a radius of 0.82 focal lengths.
+    disparity = np.full(CAMERA.shape, 10, np.float32)
+    unseen = Lenses(LensDistortion(-0.5)).unseen(disparity, CAMERA)
+    radius = np.hypot(*CAMERA.rays())
+    assert unseen[radius > 0.82].all()
+    assert not unseen[radius < 0.7].any()

@@ -23,7 +23,7 @@ COUNTS = Snapshot(
     latency_p95_ms=99.0,
     valid_share=0.963,
     obstacle_share=0.0514,
-    rows_off_px=-0.62,
+    rows_off_px=0.62,
     lens_bend_px=0.25,
 )
 PAIRING = PairingStatistics(
@@ -64,7 +64,7 @@ def test_good_state_is_ok_with_all_values() -> None:
     }
     assert status['calibration'].message == 'calibrated'
     assert status['calibration'].values['baseline (m)'] == '0.1000'
-    assert status['calibration'].values['rows off (px)'] == '-0.62'
+    assert status['calibration'].values['rows off (px)'] == '0.62'
     assert status['calibration'].values['lenses bend (px)'] == '0.25'
     detection = status['detection'].values
     assert (detection['latency p50 (ms)'], detection['latency p95 (ms)']) == ('81.2', '99.0')
@@ -86,8 +86,14 @@ def test_good_state_is_ok_with_all_values() -> None:
         ({'counts': counted(detection_rate_hz=0.0)}, 'detection', ERROR, 'none can be used'),
         ({'counts': counted(valid_share=0.12)}, 'detection', WARN, 'only 12%'),
         ({'gravity_problem': 'no IMU'}, 'detection', WARN, 'no IMU'),
-        ({'counts': counted(rows_off_px=-1.2)}, 'calibration', WARN, 'rows -1.2 px off'),
-        ({'counts': counted(lens_bend_px=3.4)}, 'calibration', WARN, 'bend by 3.4 px'),
+        ({'counts': counted(rows_off_px=1.2)}, 'calibration', WARN, 'rows 1.2 px off'),
+        ({'counts': counted(lens_bend_px=3.4)}, 'calibration', WARN, '3.4 px that look like lens'),
+        (
+            {'counts': counted(lens_bend_px=3.4), 'lifecycle': 'inactive'},
+            'calibration',
+            OK,
+            'calibrated',
+        ),
     ],
 )
 def test_what_is_wrong_is_said(

@@ -42,7 +42,7 @@ def test_latency_percentiles_of_the_latest_detections() -> None:
     for _ in range(200):
         statistics.detection(9.0, 0.1, 0.0)
     for number in range(100):
-        statistics.detection(number / 1000, 0.9, 0.05, -0.6, 0.2)
+        statistics.detection(number / 1000, 0.9, 0.05, 0.6, 0.2)
 
     snapshot = statistics.snapshot()
 
@@ -50,7 +50,7 @@ def test_latency_percentiles_of_the_latest_detections() -> None:
     assert snapshot.latency_p50_ms == pytest.approx(49.5)
     assert snapshot.latency_p95_ms == pytest.approx(94.05)
     assert (snapshot.valid_share, snapshot.obstacle_share) == (0.9, 0.05)
-    assert (snapshot.rows_off_px, snapshot.lens_bend_px) == (-0.6, 0.2)
+    assert (snapshot.rows_off_px, snapshot.lens_bend_px) == (0.6, 0.2)
 
 
 def test_bad_frames_by_reason() -> None:

@@ -10,7 +10,6 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.gravity import GroundPlane
 from rover_obstacle_detection.detection.ground_matching import Stereo
 from rover_obstacle_detection.detection.hazards import Standing
-from rover_obstacle_detection.detection.lens_distortion import STRAIGHT_LENSES
 from rover_obstacle_detection.detection.outline_planes import (
     EVERYWHERE,
     PLANES,
@@ -18,7 +17,7 @@ from rover_obstacle_detection.detection.outline_planes import (
     measured_neighbours,
     outline_planes,
 )
-from rover_obstacle_detection.detection.row_alignment import STRAIGHT
+from rover_obstacle_detection.detection.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.survey import Terrain
 
 NAN = np.nan
@@ -57,15 +56,7 @@ def stereo_of(noise_px, height_m=1.0):
     noise = np.broadcast_to(np.float32(noise_px), SHAPE).copy()
     pair = grey_image(), np.roll(grey_image(), -5, axis=1)
     return Stereo(
-        pair,
-        GroundPlane(up, height_m, up),
-        flat,
-        flat.copy(),
-        noise,
-        STRAIGHT,
-        STRAIGHT_LENSES,
-        2.0,
-        TEXTURE,
+        pair, GroundPlane(up, height_m, up), flat, flat.copy(), noise, RowAlignment(), 2.0, TEXTURE
     )
 
 

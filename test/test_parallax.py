@@ -9,10 +9,9 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.gravity import Gravity, GroundPlane
 from rover_obstacle_detection.detection.ground_matching import Stereo
 from rover_obstacle_detection.detection.ground_plane import DisparityPlane
-from rover_obstacle_detection.detection.lens_distortion import STRAIGHT_LENSES
 from rover_obstacle_detection.detection.outline_planes import EVERYWHERE
 from rover_obstacle_detection.detection.parallax import STEP_SHARES, parallax_evidence
-from rover_obstacle_detection.detection.row_alignment import STRAIGHT
+from rover_obstacle_detection.detection.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.survey import survey
 
 CAMERA = StereoCamera(240, 180, 150.0, 150.0, 119.5, 89.5, 0.1)
@@ -58,15 +57,7 @@ def evidence_of(
     config = DetectorConfig(max_step=MAX_STEP_M)
     terrain = survey(disparity, noise_px, expected_of(plane), CAMERA, plane, config)
     stereo = Stereo(
-        pair,
-        plane,
-        expected_of(plane),
-        disparity,
-        noise_px,
-        STRAIGHT,
-        STRAIGHT_LENSES,
-        NOISE * 2**0.5,
-        8.0,
+        pair, plane, expected_of(plane), disparity, noise_px, RowAlignment(), NOISE * 2**0.5, 8.0
     )
     found = parallax_evidence(stereo, terrain, CAMERA, MAX_STEP_M, window)
     assert found.dtype == np.float32
@@ -127,7 +118,7 @@ def test_ground_in_line_with_the_eye_or_above_it_tells_nothing(eye_m):
     terrain.height_m[INNER] = -0.5
     image = waves.as_image(waves.texture(*np.meshgrid(np.arange(240), np.arange(180))), NOISE, 1)
     stereo = Stereo(
-        (image, image), GROUND, expected, expected, noise_px, STRAIGHT, STRAIGHT_LENSES, NOISE, 8.0
+        (image, image), GROUND, expected, expected, noise_px, RowAlignment(), NOISE, 8.0
     )
     found = parallax_evidence(stereo, terrain, CAMERA, MAX_STEP_M, EVERYWHERE)
     assert np.isfinite(found).all()

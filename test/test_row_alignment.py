@@ -23,6 +23,13 @@ def test_disparity_that_a_turn_adds():
     )
 
 
+def test_rows_by_which_the_worse_side_is_off():
+    assert RowAlignment(-0.5, 0.0).most_px(CAMERA) == 0.5
+    # The principal point is column 1 of 4.
+    assert RowAlignment(0.5, 0.25).most_px(CAMERA) == 1.0
+    assert RowAlignment(0.25, -0.5).most_px(CAMERA) == 0.75
+
+
 def test_reduced_images_are_off_by_less():
     alignment = RowAlignment(2.0, 0.25)
     assert alignment.reduced(4) == RowAlignment(0.5, 0.25)

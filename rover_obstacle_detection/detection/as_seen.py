@@ -54,13 +54,16 @@ def as_seen(
     camera = detection.camera
     columns, rows = (np.rint(each) for each in lenses.straight_left_places(camera))
     shown = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
-    place = tuple(
-        np.clip(np.nan_to_num(each), 0, size - 1).astype(np.intp)
-        for each, size in zip((rows, columns), camera.shape, strict=True)
-    )
+    # What is shown nowhere stays where it is; one flat index, since lazy products hold on to it.
+    own_rows, own_columns = np.mgrid[: camera.height, : camera.width]
+    rows = np.clip(np.where(np.isnan(rows), own_rows, rows), 0, camera.height - 1)
+    columns = np.clip(np.where(np.isnan(columns), own_columns, columns), 0, camera.width - 1)
+    place = (rows * camera.width + columns).astype(np.int32)
 
     def seen(name: str, product: Product) -> NDArray[Any]:
-        array: NDArray[Any] = (product() if callable(product) else product)[place]
+        straight = product() if callable(product) else product
+        flat = straight.reshape(-1, *straight.shape[2:])
+        array = np.asarray(np.take(flat, place, axis=0))
         if name in _NOT_SHOWN:
             array[~shown] = _NOT_SHOWN[name]
         if rover_mask is not None and name in _NEVER_OF_THE_ROVER:

@@ -69,7 +69,11 @@ class Detection:
 
     @cached_property
     def disparity(self) -> NDArray[np.float32]:
-        """Disparity in pixels, less the camera's offset; 0 where there is no match."""
+        """Disparity in pixels, less the camera's offset; 0 where there is no match.
+
+        Where lenses bend it is that of the straightened images: depth follows from it as ever,
+        the direction is that of `points`.
+        """
         return self._product('disparity')
 
     @cached_property

@@ -20,7 +20,7 @@ from rover_obstacle_detection.detection.image_noise import (
     noise_share,
     smoothed_against_noise,
 )
-from rover_obstacle_detection.detection.lens_distortion import Lenses
+from rover_obstacle_detection.detection.lens_distortion import STRAIGHT_LENSES, Lenses
 from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX
 from rover_obstacle_detection.detection.outline import texture_level, untextured
 from rover_obstacle_detection.detection.row_alignment import STRAIGHT, RowAlignment
@@ -59,12 +59,16 @@ class Stereo:
         Its standard deviation.
     alignment : RowAlignment
         Rows by which the right image is off.
-    lenses : Lenses
-        By which both images were straightened: all else here is of what straight lenses show.
     grey_noise : float
         Standard deviation of the grey level between both images where they match.
     texture : float
         Spread of the left image's grey level within a few pixels.
+    lenses : Lenses
+        By which both images were straightened: all else here is of what straight lenses show.
+    seen : ndarray of uint8, shape (height, width), optional
+        The left image before it was straightened, if it was.
+    rover_mask : ndarray of bool, shape (height, width), optional
+        Straightened as the left image is.
     """
 
     pair: GreyPair
@@ -73,9 +77,11 @@ class Stereo:
     disparity: NDArray[np.float32]
     noise_px: NDArray[np.float32]
     alignment: RowAlignment
-    lenses: Lenses
     grey_noise: float
     texture: float
+    lenses: Lenses = STRAIGHT_LENSES
+    seen: NDArray[np.uint8] | None = None
+    rover_mask: NDArray[np.bool_] | None = None
 
 
 def match_against_ground(
@@ -115,6 +121,7 @@ def match_against_ground(
         lenses=not leave_out & {'rows', 'lenses'},
     )
     alignment = STRAIGHT if 'rows' in leave_out else coarse.alignment
+    seen = pair[0]
     pair = coarse.lenses.straightened(pair, camera)
     rover_mask = coarse.lenses.straightened_mask(rover_mask, camera)
     if rover_mask is not None:
@@ -137,6 +144,8 @@ def match_against_ground(
     disparity[(expected <= 0) & untextured(pair[0], TEXTURE_WINDOW, MIN_TEXTURE)] = 0
     if rover_mask is not None:
         disparity[rover_mask] = 0
+    if coarse.lenses:
+        disparity[coarse.lenses.unseen(disparity, camera)] = 0
     matched = disparity > 0
     disparity = np.where(matched, cv2.medianBlur(disparity, 3), 0).astype(np.float32)
     finished('disparity')
@@ -152,9 +161,11 @@ def match_against_ground(
         refined.disparity,
         refined.noise_px,
         alignment,
-        coarse.lenses,
         refined.grey_noise,
         texture_level(pair[0]),
+        coarse.lenses,
+        seen if coarse.lenses.left else None,
+        rover_mask,
     )
 
 

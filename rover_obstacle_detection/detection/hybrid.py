@@ -59,7 +59,7 @@ OPTIONAL_STAGES = (
     'grey level',
     'doubt',
 )
-"""Stages that the chain can do without, for the ablation."""
+"""Stages that the chain can do without, for the ablation; without rows there are no lenses."""
 
 REGION_REDUCTION = 4
 TEXTURE_BANDWIDTH = 3.0
@@ -108,7 +108,7 @@ def detect_hybrid(
         Of `OPTIONAL_STAGES`: what to do without, to see what it is worth.
     """
     stereo = match_against_ground(pair, camera, config, gravity, rover_mask, finished, leave_out)
-    seen_mask, rover_mask = rover_mask, stereo.lenses.straightened_mask(rover_mask, camera)
+    seen_mask, rover_mask = rover_mask, stereo.rover_mask
     terrain = survey(
         stereo.disparity,
         stereo.noise_px,
@@ -158,8 +158,8 @@ def detect_hybrid(
     )
     if 'doubt' not in leave_out:
         detection = without_doubtful(detection)
-    if stereo.lenses.left:
-        detection = as_seen(detection, stereo.lenses, pair[0], seen_mask)
+    if stereo.seen is not None:
+        detection = as_seen(detection, stereo.lenses, stereo.seen, seen_mask)
     finished('mask')
     return detection
 

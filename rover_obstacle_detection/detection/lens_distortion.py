@@ -13,8 +13,7 @@ from rover_obstacle_detection.detection.image import GreyPair
 
 Image = NDArray[np.float32]
 
-ORDERS = 3
-_STRIDE = 8
+_MARGIN_PX = 4
 _INVERSION_STEPS = 12
 # Of a radius of a thousand pixels, half a pixel.
 _SETTLED_SHARE = 5e-4
@@ -56,6 +55,13 @@ class LensDistortion:
         k1, k2, k3 = (np.float32(each) for each in self.coefficients)
         return np.asarray(((k3 * square + k2) * square + k1) * square, np.float32)
 
+    def growth(self, x: Image, y: Image) -> Image:
+        """How fast the radius at which a point is seen grows with its own: 1 if straight."""
+        square = x * x + y * y
+        k1, k2, k3 = (np.float32(each) for each in self.coefficients)
+        grown = ((7 * k3 * square + 5 * k2) * square + 3 * k1) * square + 1
+        return np.asarray(grown, np.float32)
+
 
 NO_DISTORTION = LensDistortion()
 
@@ -78,12 +84,29 @@ class Lenses:
 
     def mean_bend_px(self, camera: StereoCamera) -> float:
         """How far the lens that bends more moves pixels, mean over the image."""
-        x, y = (each.ravel()[::_STRIDE] for each in camera.rays())
-        radius_px = np.hypot(x, y[:, np.newaxis]) * camera.fx
-        return max(
-            float(np.mean(np.abs(lens.stretch(x, y[:, np.newaxis])) * radius_px))
-            for lens in (self.left, self.right)
-        )
+        return max(float(bend.mean()) for bend in self._bends_px(camera))
+
+    def most_bend_px(self, camera: StereoCamera) -> float:
+        """How far the lens that bends more moves the pixel that it moves most."""
+        return max(float(bend.max()) for bend in self._bends_px(camera))
+
+    def moved_px(self, camera: StereoCamera, before: Lenses) -> float:
+        """How far pixels are moved from where other lenses move them, mean over the image."""
+        both = zip(self._signed_bends_px(camera), before._signed_bends_px(camera), strict=True)
+        return max(float(np.abs(now - then).mean()) for now, then in both)
+
+    def _bends_px(self, camera: StereoCamera) -> list[Image]:
+        return [np.abs(bend) for bend in self._signed_bends_px(camera)]
+
+    def _signed_bends_px(self, camera: StereoCamera) -> list[Image]:
+        """How far out each lens moves some pixels all over the image."""
+        bends = []
+        for lens, offset_px in ((self.left, 0.0), (self.right, camera.disparity_offset)):
+            x, y = _rays(camera, offset_px)
+            x, y = (_some(each.ravel()) for each in (x, y))
+            radius_px = np.hypot(x * camera.fx, y[:, np.newaxis] * camera.fy)
+            bends.append(np.asarray(lens.stretch(x, y[:, np.newaxis]) * radius_px, np.float32))
+        return bends
 
     def straightened(self, pair: GreyPair, camera: StereoCamera) -> GreyPair:
         """Show what straight lenses would.
@@ -116,6 +139,40 @@ class Lenses:
         )
         return np.asarray(marked > 0)
 
+    def unseen(self, disparity: Image, camera: StereoCamera) -> NDArray[np.bool_]:
+        """Find pixels of the straightened left image that are matched with what no eye saw.
+
+        Parameters
+        ----------
+        disparity : ndarray of float32, shape (height, width)
+            Pixels, the camera's offset taken off; 0 where there is no match.
+        camera : StereoCamera
+            Of the disparity's size.
+
+        Notes
+        -----
+        A straightened image goes on beyond what its eye saw, as its border does.
+        """
+        unseen = np.zeros(disparity.shape, np.bool_)
+        if self.left:
+            unseen |= ~_shown(camera, 0.0, self.left)
+        if self.right:
+            shown = _shown(camera, camera.disparity_offset, self.right).astype(np.uint8)
+            columns = np.arange(camera.width, dtype=np.float32) - disparity
+            columns = columns - np.float32(camera.disparity_offset)
+            rows = np.arange(camera.height, dtype=np.float32)[:, np.newaxis]
+            unseen |= (
+                cv2.remap(
+                    shown,
+                    columns,
+                    np.ascontiguousarray(np.broadcast_to(rows, columns.shape)),
+                    cv2.INTER_NEAREST,
+                    borderMode=cv2.BORDER_REPLICATE,
+                )
+                == 0
+            )
+        return unseen & (disparity > 0)
+
     def left_places(self, camera: StereoCamera) -> tuple[Image, Image]:
         """Where the left image shows what each pixel of its straightened self shows.
 
@@ -131,7 +188,7 @@ class Lenses:
         Returns
         -------
         columns, rows : ndarray of float32, shape (height, width)
-            NaN where the polynomial cannot be inverted: far out it may turn back.
+            NaN where that is not found: far out the polynomial may turn back.
         """
         return _straight_places(camera, 0.0, self.left)
 
@@ -143,39 +200,52 @@ class Lenses:
 STRAIGHT_LENSES = Lenses()
 
 
-def bent_px(lenses: Lenses, camera: StereoCamera) -> float:
-    """Largest distance by which a lens moves a corner or the middle of a side, pixels."""
-    columns = np.array([0, camera.width - 1], np.float32)
-    x = (columns - np.float32(camera.cx)) / np.float32(camera.fx)
-    y = np.array([-camera.cy, 0, camera.height - 1 - camera.cy], np.float32)[:, np.newaxis]
-    y = y / np.float32(camera.fy)
-    radius_px = np.hypot(x, y) * camera.fx
-    return max(
-        float(np.abs(lens.stretch(x, y) * radius_px).max()) for lens in (lenses.left, lenses.right)
-    )
+def _rays(camera: StereoCamera, principal_point_px: float) -> tuple[Image, Image]:
+    """Direction of each column and row of an eye.
+
+    ``principal_point_px`` is how far to the left of the left eye's its principal point lies.
+    """
+    x, y = camera.rays()
+    return x + np.float32(principal_point_px / camera.fx), y
+
+
+def _some(values: Image) -> Image:
+    """Take about one of eight, the first and the last among them."""
+    return values[np.linspace(0, values.size - 1, max(2, values.size // 8)).astype(np.intp)]
 
 
 def _seen_places(
     camera: StereoCamera, principal_point_px: float, lens: LensDistortion
 ) -> tuple[Image, Image]:
-    """Where an eye shows what a straight one would at each pixel.
-
-    ``principal_point_px`` is how far to the left of the left eye's its principal point lies.
-    """
-    x, y = camera.rays()
-    x = x + np.float32(principal_point_px / camera.fx)
+    """Where an eye shows what a straight one would at each pixel."""
+    x, y = _rays(camera, principal_point_px)
     stretch = lens.stretch(x, y)
     columns = np.arange(camera.width, dtype=np.float32) + stretch * x * np.float32(camera.fx)
     rows = np.arange(camera.height, dtype=np.float32)[:, np.newaxis]
     return columns, np.asarray(rows + stretch * y * np.float32(camera.fy), np.float32)
 
 
+def _shown(
+    camera: StereoCamera, principal_point_px: float, lens: LensDistortion
+) -> NDArray[np.bool_]:
+    """Pixels of a straightened image that its eye saw, with what matching looks at around them.
+
+    Where the polynomial turns back the eye saw something else.
+    """
+    columns, rows = _seen_places(camera, principal_point_px, lens)
+    shown = (columns >= 0) & (columns <= camera.width - 1)
+    shown &= (rows >= 0) & (rows <= camera.height - 1)
+    shown &= lens.growth(*_rays(camera, principal_point_px)) > 0
+    kernel = np.ones((2 * _MARGIN_PX + 1,) * 2, np.uint8)
+    # Beyond the image lies what matching replicates anyway, lens or no lens.
+    return np.asarray(cv2.erode(shown.astype(np.uint8), kernel) > 0)
+
+
 def _straight_places(
     camera: StereoCamera, principal_point_px: float, lens: LensDistortion
 ) -> tuple[Image, Image]:
     """Where a straight eye would show what one shows at each pixel."""
-    seen_x, seen_y = camera.rays()
-    seen_x = seen_x + np.float32(principal_point_px / camera.fx)
+    seen_x, seen_y = _rays(camera, principal_point_px)
     scale = np.ones(camera.shape, np.float32)
     for _ in range(_INVERSION_STEPS):
         stretched = 1 + lens.stretch(seen_x * scale, seen_y * scale)

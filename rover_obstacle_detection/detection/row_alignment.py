@@ -36,6 +36,11 @@ class RowAlignment:
         rows = np.arange(camera.height, dtype=np.float32) - np.float32(camera.cy)
         return np.asarray(self.turn * rows[:, np.newaxis], np.float32)
 
+    def most_px(self, camera: StereoCamera) -> float:
+        """Rows by which the side of the full image that is off the most is off, pixels."""
+        sides = np.array([0, camera.width - 1]) - camera.cx
+        return float(np.abs(self.offset_px + self.turn * sides).max())
+
     def reduced(self, reduction: float) -> RowAlignment:
         """Return the same of images a ``reduction``-th as wide and as high."""
         return replace(self, offset_px=self.offset_px / reduction)

@@ -11,15 +11,19 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.image import GreyPair
-from rover_obstacle_detection.detection.lens_distortion import ORDERS, LensDistortion, Lenses
+from rover_obstacle_detection.detection.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.row_alignment import RowAlignment
 
 Image = NDArray[np.float32]
 Floats = NDArray[np.float64]
 
+# A third order explains hardly more, and runs away in the corners.
+ORDERS = 2
 SHIFTS = 2
-UNKNOWNS = SHIFTS + 2 * ORDERS
-"""Offset and turn, then the orders of each lens."""
+TURNS = 2
+STRAIGHT_UNKNOWNS = SHIFTS + TURNS
+UNKNOWNS = STRAIGHT_UNKNOWNS + 2 * ORDERS
+"""Offset and turn; the right eye's turns to the side and upwards; the orders of each lens."""
 
 _ITERATIONS = 10
 _SETTLED_PX = 0.1
@@ -52,9 +56,9 @@ class MatchedPair:
 
     Notes
     -----
-    The unknowns are what has to be added to that, in pixels: the shift, the turn's at the image's
-    width, and what each order of each lens moves the rows at the corner farthest from the optical
-    axis.
+    The unknowns are what has to be added to that, in pixels: the shift; the turn's at the image's
+    width; and what a turn to the side, one upwards and each order of each lens move the rows at
+    the corner farthest from the optical axis, or how they bend them there.
     """
 
     def __init__(
@@ -81,12 +85,15 @@ class MatchedPair:
         )
         x, y = camera.rays()
         self._radius = float(np.hypot(np.abs(x).max(), np.abs(y).max()))
-        right_x = x - disparity / np.float32(camera.fx)
+        right_x = x - _filled(disparity) / np.float32(camera.fx)
         self._moves = np.empty((UNKNOWNS, *disparity.shape), np.float32)
         self._moves[0] = 1
         self._moves[1] = x * np.float32(camera.fx / camera.width)
-        self._fill_lens_moves(self._moves[SHIFTS : SHIFTS + ORDERS], x, -y)
-        self._fill_lens_moves(self._moves[SHIFTS + ORDERS :], right_x, y)
+        unit = np.float32(1 / self._radius)
+        self._moves[SHIFTS] = (right_x * unit) * (y * unit)
+        self._moves[SHIFTS + 1] = np.square(y * unit)
+        self._fill_lens_moves(self._moves[STRAIGHT_UNKNOWNS : STRAIGHT_UNKNOWNS + ORDERS], x, -y)
+        self._fill_lens_moves(self._moves[STRAIGHT_UNKNOWNS + ORDERS :], right_x, y)
         self._block_moves = np.stack([self._block_means(move) for move in self._moves])
 
     def _fill_lens_moves(self, moves: Image, x: Image, y: Image) -> None:
@@ -105,10 +112,16 @@ class MatchedPair:
 
     def lenses(self, change: Floats) -> Lenses:
         """Add a change to the lenses that were known."""
-        known = self._lenses.left.coefficients, self._lenses.right.coefficients
-        added = change[SHIFTS:].reshape(2, ORDERS) / self._corner_px()
+        known = [lens.coefficients[:ORDERS] for lens in (self._lenses.left, self._lenses.right)]
+        added = change[STRAIGHT_UNKNOWNS:].reshape(2, ORDERS) / self._corner_px()
         left, right = (LensDistortion(*each) for each in (np.array(known) + added).tolist())
         return Lenses(left, right)
+
+    @property
+    def tells_lenses(self) -> bool:
+        """Whether enough of the image is matched to tell lenses."""
+        matched = self._block_means(self._matched.astype(np.float32))
+        return int(np.count_nonzero(matched)) >= _MIN_BLOCKS
 
     def solve(self, count: int) -> Floats:
         """Find the first so many unknowns; the others are 0."""
@@ -120,32 +133,29 @@ class MatchedPair:
                 break
         return change
 
-    def moved_px(self, change: Floats) -> float:
-        """Mean distance by which a change moves the rows of matched pixels."""
-        return float(np.abs(self._moved(change)[self._matched]).mean())
-
     def _moved(self, change: Floats) -> Image:
         asked = int(np.flatnonzero(change).max(initial=0)) + 1
         return np.tensordot(change[:asked].astype(np.float32), self._moves[:asked], 1)
 
     def gain_of_lenses(self, change: Floats) -> float:
-        """F statistic of the lenses that are known and their change, against none."""
+        """F statistic of the lenses that are known and their change, against straight ones."""
         blocks = self._blocks(change)
         if blocks.shift_px.size < _MIN_BLOCKS:
             return 0.0
-        total = change + self._known_unknowns()
-        blocks = replace(blocks, shift_px=blocks.shift_px + total @ blocks.moves)
+        shift_px = blocks.shift_px + blocks.known @ blocks.moves
+        blocks = replace(blocks, shift_px=shift_px, known=np.zeros(UNKNOWNS))
         _, weight = blocks.fit(UNKNOWNS)
         bent = blocks.left_over(UNKNOWNS, weight)
-        straight = blocks.left_over(SHIFTS, weight)
+        straight = blocks.left_over(STRAIGHT_UNKNOWNS, weight)
         effective = float(weight.sum() / weight.max()) - UNKNOWNS
-        return (straight / max(bent, 1e-12) - 1) * effective / (UNKNOWNS - SHIFTS)
+        return (straight / max(bent, 1e-12) - 1) * effective / (2 * ORDERS)
 
     def _known_unknowns(self) -> Floats:
         shifts = self._alignment.offset_px, self._alignment.turn * self._camera.width
         lenses = (self._lenses.left, self._lenses.right)
-        coefficients = np.array([lens.coefficients for lens in lenses])
-        return np.concatenate([shifts, (coefficients * self._corner_px()).ravel()])
+        coefficients = np.array([lens.coefficients[:ORDERS] for lens in lenses])
+        bends = (coefficients * self._corner_px()).ravel()
+        return np.concatenate([shifts, np.zeros(TURNS), bends])
 
     def _corner_px(self) -> Floats:
         """Rows that each order's coefficient would move the farthest corner."""
@@ -167,6 +177,7 @@ class MatchedPair:
             self._block_moves[:, told],
             self._block_means(pull)[told] / sums[told],
             sums[told] * _BLOCK_PX**2,
+            change + self._known_unknowns(),
         )
 
     def _block_means(self, image: Image) -> Floats:
@@ -187,11 +198,14 @@ class Blocks:
         By how many rows each is still off.
     weight : ndarray of float64, shape (blocks,)
         Squared gradient in it.
+    known : ndarray of float64, shape (unknowns,)
+        What is already taken out of the shifts.
     """
 
     moves: Floats
     shift_px: Floats
     weight: Floats
+    known: Floats
 
     def fit(self, count: int) -> tuple[Floats, Floats]:
         """Explain the shifts by the first so many unknowns, falsely matched blocks outvoted.
@@ -228,6 +242,16 @@ class Blocks:
         # A ridge of a few pixels' weight holds an image without texture still.
         normal_matrix = (moves * weight) @ moves.T + _RIDGE * np.eye(count)
         return np.asarray(np.linalg.solve(normal_matrix, moves @ (weight * self.shift_px)))
+
+
+def _filled(disparity: Image) -> Image:
+    """Give what is not matched the mean disparity of its row, or of all."""
+    matched = disparity > 0
+    count = matched.sum(axis=1, keepdims=True)
+    total = disparity.sum(axis=1, keepdims=True)
+    mean = disparity.sum() / max(int(count.sum()), 1)
+    rows = np.where(count > 0, total / np.maximum(count, 1), mean)
+    return np.asarray(np.where(matched, disparity, rows), np.float32)
 
 
 def _row_pull(first: Image, warped: Image, matched: NDArray[np.bool_]) -> tuple[Image, Image]:

@@ -31,6 +31,8 @@ BENDS: Mapping[str, tuple[Shares, Shares]] = {
 }
 """What each order moves the corners, as a share of their radius: left eye, right eye."""
 
+_ROUNDING_PX = 1e-2
+
 WITHOUT: frozenset[str] = frozenset({'lenses'})
 
 
@@ -68,8 +70,8 @@ def bent_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
     left_places = lenses.straight_left_places(camera)
     right_places = lenses.straight_right_places(camera)
     columns, rows = left_places
-    inside = (columns >= 0) & (columns <= camera.width - 1)
-    inside &= (rows >= 0) & (rows <= camera.height - 1)
+    inside = (columns > -_ROUNDING_PX) & (columns < camera.width - 1 + _ROUNDING_PX)
+    inside &= (rows > -_ROUNDING_PX) & (rows < camera.height - 1 + _ROUNDING_PX)
     labels = _seen(frame.labels, left_places, cv2.INTER_NEAREST)
     return replace(
         frame,

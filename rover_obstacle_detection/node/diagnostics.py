@@ -119,16 +119,16 @@ def _calibration(state: NodeState) -> Status:
         'rows off (px)': _optional(state.counts.rows_off_px, 1, 2),
         'lenses bend (px)': _optional(state.counts.lens_bend_px, 1, 2),
     }
-    return Status('calibration', *_judge_calibration(state.counts), values)
+    return Status('calibration', *_judge_calibration(state), values)
 
 
-def _judge_calibration(counts: Snapshot) -> tuple[int, str]:
-    rows_off_px, lens_bend_px = counts.rows_off_px or 0.0, counts.lens_bend_px or 0.0
-    if max(abs(rows_off_px), lens_bend_px) < WORN_CALIBRATION_PX:
+def _judge_calibration(state: NodeState) -> tuple[int, str]:
+    rows_off_px, lens_bend_px = state.counts.rows_off_px or 0.0, state.counts.lens_bend_px or 0.0
+    if state.lifecycle != 'active' or max(rows_off_px, lens_bend_px) < WORN_CALIBRATION_PX:
         return OK, 'calibrated'
     return WARN, (
-        f'rectification leaves rows {rows_off_px:.1f} px off and lenses that bend by '
-        f'{lens_bend_px:.1f} px, which is made good: calibrate again'
+        f'rectification leaves rows {rows_off_px:.1f} px off, and {lens_bend_px:.1f} px that look '
+        'like lens distortion, which is made good: calibrate again'
     )
 
 

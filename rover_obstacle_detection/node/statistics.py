@@ -38,8 +38,8 @@ class Snapshot:
     valid_share, obstacle_share : float or None
         Share of pixels with a disparity, and on obstacles, of the latest detection.
     rows_off_px, lens_bend_px : float or None
-        What the latest detection had to make good of the rectification: rows by which the right
-        image is off, and how far a lens moves pixels, mean over the image.
+        What the latest detection had to make good of the rectification: rows by which a side of
+        the right image is off, and how far a lens moves pixels, mean over the image.
     """
 
     pair_rate_hz: float

@@ -132,7 +132,7 @@ class DetectionWorker:
             time.monotonic() - pair.arrival_s,
             valid_share=valid_share,
             obstacle_share=np.count_nonzero(detection.mask) / detection.mask.size,
-            rows_off_px=detection.alignment.offset_px,
+            rows_off_px=detection.alignment.most_px(camera),
             lens_bend_px=detection.lenses.mean_bend_px(camera),
         )
 

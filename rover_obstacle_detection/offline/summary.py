@@ -52,8 +52,8 @@ class FrameSummary:
     camera_pitch_deg, camera_height_m : float
         Of the optical axis below the horizon, and of the left eye above the ground in view.
     rows_off_px, lens_bend_px : float
-        What was made good of the rectification: rows by which the right image is off, and how far
-        a lens moves pixels, mean over the image.
+        What was made good of the rectification: rows by which a side of the right image is off,
+        and how far a lens moves pixels, mean over the image.
     """
 
     obstacles: int
@@ -80,7 +80,7 @@ class FrameSummary:
             tallest_obstacle_m=_extreme(max, [each.max_height_m for each in obstacles]),
             camera_pitch_deg=detection.ground.pitch_deg,
             camera_height_m=detection.ground.height_m,
-            rows_off_px=detection.alignment.offset_px,
+            rows_off_px=detection.alignment.most_px(detection.camera),
             lens_bend_px=detection.lenses.mean_bend_px(detection.camera),
         )
 
