@@ -9,8 +9,8 @@ never reads. Needs PyTorch, the package needs only the file that comes out of it
 takes an hour or more, once the scenes are there. The weights that are shipped came of a dozen such
 runs of one branch, each begun from the last one's weights as scenes, variation, layers and planes
 were added: channels with small random weights, corrections and planes with none. Then two of them
-were put side by side by hand, one of them mirrored, and trained on together for an hour, and for an hour and a half more with shaded ground (`shade`). A run
-from the beginning gives others.
+were put side by side by hand, one of them mirrored, and trained on together for an hour, and for
+an hour and a half more with shaded ground. A run from the beginning gives others.
 """
 
 from __future__ import annotations
