@@ -106,9 +106,9 @@ def test_detection_stays_as_it_is():
 
 
 def test_mask_lies_on_what_a_bent_left_lens_shows():
-    scene = mast(640, 480, solids=(Box(-0.45, 1.2, 0.3, 0.3, 0.3),))
+    scene = mast(640, 480, solids=(Box(-0.7, 1.4, 0.3, 0.3, 0.3),))
     view, camera = render(scene), scene.camera
-    lens = LensDistortion(-0.08)
+    lens = LensDistortion(-0.05)
     columns, rows = np.meshgrid(np.arange(640), np.arange(480))
     places = [each.astype(np.float32) for each in waves.straight_left(camera, columns, rows, lens)]
     left = cv2.remap(view.left, *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)

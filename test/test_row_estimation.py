@@ -213,7 +213,7 @@ def test_lenses_that_bend_rows_tell_how_they_bend_columns(alignment, lenses):
 
 @pytest.mark.parametrize('alignment', [STRAIGHT, RowAlignment(0.7, 0.004)], ids=str)
 def test_straight_lenses_explain_hardly_more_than_chance_would(alignment):
-    assert estimate(alignment, STRAIGHT_LENSES).gain < 10
+    assert estimate(alignment, STRAIGHT_LENSES).gain < 20
 
 
 @pytest.mark.parametrize(('alignment', 'lenses'), LENSES, ids=str)
