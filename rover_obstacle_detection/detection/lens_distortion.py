@@ -117,12 +117,11 @@ class Lenses:
         camera : StereoCamera
             Of the images' size.
         """
-        columns, rows = self.left_places(camera)
-        left = _sampled(pair[0], columns, rows) if self.left else pair[0]
-        right = pair[1]
+        left, right = pair
+        if self.left:
+            left = _sampled(left, *self.left_places(camera))
         if self.right:
-            columns, rows = _seen_places(camera, camera.disparity_offset, self.right)
-            right = _sampled(right, columns, rows)
+            right = _sampled(right, *_seen_places(camera, camera.disparity_offset, self.right))
         return left, right
 
     def straightened_mask(

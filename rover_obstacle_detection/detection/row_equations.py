@@ -142,8 +142,8 @@ class MatchedPair:
         blocks = self._blocks(change)
         if blocks.shift_px.size < _MIN_BLOCKS:
             return 0.0
-        shift_px = blocks.shift_px + blocks.known @ blocks.moves
-        blocks = replace(blocks, shift_px=shift_px, known=np.zeros(UNKNOWNS))
+        total = change + self._known_unknowns()
+        blocks = replace(blocks, shift_px=blocks.shift_px + total @ blocks.moves)
         _, weight = blocks.fit(UNKNOWNS)
         bent = blocks.left_over(UNKNOWNS, weight)
         straight = blocks.left_over(STRAIGHT_UNKNOWNS, weight)
@@ -177,7 +177,6 @@ class MatchedPair:
             self._block_moves[:, told],
             self._block_means(pull)[told] / sums[told],
             sums[told] * _BLOCK_PX**2,
-            change + self._known_unknowns(),
         )
 
     def _block_means(self, image: Image) -> Floats:
@@ -198,14 +197,11 @@ class Blocks:
         By how many rows each is still off.
     weight : ndarray of float64, shape (blocks,)
         Squared gradient in it.
-    known : ndarray of float64, shape (unknowns,)
-        What is already taken out of the shifts.
     """
 
     moves: Floats
     shift_px: Floats
     weight: Floats
-    known: Floats
 
     def fit(self, count: int) -> tuple[Floats, Floats]:
         """Explain the shifts by the first so many unknowns, falsely matched blocks outvoted.
