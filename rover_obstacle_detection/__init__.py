@@ -6,21 +6,21 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rover_obstacle_detection.detection.camera import StereoCamera
     from rover_obstacle_detection.detection.config import DetectorConfig
-    from rover_obstacle_detection.detection.detection import Detection
     from rover_obstacle_detection.detection.detector import Detector
-    from rover_obstacle_detection.detection.gravity import Gravity
+    from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+    from rover_obstacle_detection.detection.geometry.gravity import Gravity
+    from rover_obstacle_detection.detection.result.detection import Detection
 
 __all__ = ['Detection', 'Detector', 'DetectorConfig', 'Gravity', 'StereoCamera']
 __version__ = '0.1.0'
 
 _HOMES = {
-    'Detection': 'detection',
+    'Detection': 'result.detection',
     'Detector': 'detector',
     'DetectorConfig': 'config',
-    'Gravity': 'gravity',
-    'StereoCamera': 'camera',
+    'Gravity': 'geometry.gravity',
+    'StereoCamera': 'geometry.camera',
 }
 
 

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.detection import OBSTACLE, Detection
-from rover_obstacle_detection.detection.obstacles import Obstacle
+from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
+from rover_obstacle_detection.detection.result.obstacles import Obstacle
 
 Picture = NDArray[np.uint8]
 Colour = tuple[int, int, int]

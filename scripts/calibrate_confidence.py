@@ -22,20 +22,25 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-from rover_obstacle_detection.bags.reader import open_bag
-from rover_obstacle_detection.bags.stereo import BadFrame
-from rover_obstacle_detection.detection import confidence_coefficients
-from rover_obstacle_detection.detection.confidence import FEATURES, STRENGTHEN, WEAKEN, logistic
-from rover_obstacle_detection.detection.config import METHODS, DetectorConfig
-from rover_obstacle_detection.detection.detector import Detector
-from rover_obstacle_detection.errors import ObstacleDetectionError
-from rover_obstacle_detection.evaluation.frame import LabelledFrame
-from rover_obstacle_detection.evaluation.reliability import (
+from studies.reliability import (
     JudgedObstacles,
     judge,
     reliability_table,
 )
+
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.bags.stereo import BadFrame
+from rover_obstacle_detection.detection.config import METHODS, DetectorConfig
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.result import confidence_coefficients
+from rover_obstacle_detection.detection.result.confidence import (
+    FEATURES,
+    STRENGTHEN,
+    WEAKEN,
+    logistic,
+)
+from rover_obstacle_detection.errors import ObstacleDetectionError
+from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
 from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
 

@@ -8,16 +8,16 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from evaluation_results import CONFIG, DRAWN_METHODS, OWN, REPORT, TUNE, Results
-
-from rover_obstacle_detection.evaluation import disparity_study
-from rover_obstacle_detection.evaluation.fault_tables import (
+from studies import disparity_study
+from studies.fault_tables import (
     ablation_table,
     causes_table,
     losses_table,
 )
-from rover_obstacle_detection.evaluation.gravity_study import gravity_scene_table, gravity_table
-from rover_obstacle_detection.evaluation.lens_study import lens_table
-from rover_obstacle_detection.evaluation.reliability import JudgedObstacles, reliability_table
+from studies.gravity_study import gravity_scene_table, gravity_table
+from studies.lens_study import lens_table
+from studies.reliability import JudgedObstacles, reliability_table
+
 from rover_obstacle_detection.evaluation.results import Evaluation, mean_iou
 from rover_obstacle_detection.evaluation.tables import (
     Table,

@@ -13,24 +13,24 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import cv2
-
-from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.evaluation.disparity_study import Errors, SceneDisparity, pair_errors
-from rover_obstacle_detection.evaluation.gravity_study import SceneGravity
-from rover_obstacle_detection.evaluation.lens_study import SceneLenses
-from rover_obstacle_detection.evaluation.methods.ablation import ablated_methods
-from rover_obstacle_detection.evaluation.methods.registry import USE_CLEARANCE
-from rover_obstacle_detection.evaluation.motorcycle import load_motorcycle
-from rover_obstacle_detection.evaluation.reliability import JudgedObstacles
-from rover_obstacle_detection.evaluation.results import Evaluation, merged
-from rover_obstacle_detection.evaluation.runner import RunOptions
-from rover_obstacle_detection.offline.scene_studies import (
+from studies.disparity_study import Errors, SceneDisparity, pair_errors
+from studies.gravity_study import SceneGravity
+from studies.lens_study import SceneLenses
+from studies.motorcycle import load_motorcycle
+from studies.reliability import JudgedObstacles
+from studies.scene_studies import (
     evaluate_scene,
     study_disparity,
     study_gravity,
     study_lenses,
     study_reliability,
 )
+
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.evaluation.methods.ablation import ablated_methods
+from rover_obstacle_detection.evaluation.methods.registry import USE_CLEARANCE
+from rover_obstacle_detection.evaluation.results import Evaluation, merged
+from rover_obstacle_detection.evaluation.runner import RunOptions
 
 SAMPLE = Path(__file__).resolve().parent.parent / 'bags' / 'mars_yard'
 OWN = 'hybrid'

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.writer import BagWriter
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.reprojection import reproject
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK
 from rover_obstacle_detection.messages.header import make_header
 from rover_obstacle_detection.messages.image import encode_image

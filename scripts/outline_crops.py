@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch.nn import functional
 
-from rover_obstacle_detection.detection.outline_planes import PARALLAX_PLANES, PLANES
+from rover_obstacle_detection.detection.rocks.outline_features import PARALLAX_PLANES, PLANES
 
 CROP = 160
 HEIGHT = PLANES.index('height over the step')

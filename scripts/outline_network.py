@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from rover_obstacle_detection.detection.outline_planes import PLANES
+from rover_obstacle_detection.detection.rocks.outline_features import PLANES
 
 
 class Corrected(nn.Module):

@@ -33,16 +33,16 @@ from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from rover_obstacle_detection.bags.reader import open_bag
-from rover_obstacle_detection.detection import outline_model
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.ground_matching import match_against_ground
-from rover_obstacle_detection.detection.hazards import standing_parts
-from rover_obstacle_detection.detection.image import grey_pair
-from rover_obstacle_detection.detection.outline_planes import (
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.rocks import outline_model
+from rover_obstacle_detection.detection.rocks.outline_features import (
     PLANES,
     outline_planes,
 )
-from rover_obstacle_detection.detection.survey import survey
+from rover_obstacle_detection.detection.stereo.ground_matching import match_against_ground
+from rover_obstacle_detection.detection.terrain.hazards import standing_parts
+from rover_obstacle_detection.detection.terrain.survey import survey
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames

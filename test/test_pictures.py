@@ -4,8 +4,8 @@ import pytest
 from hand_made import small_detection
 
 from rover_obstacle_detection import pictures
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.obstacles import Obstacle
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.result.obstacles import Obstacle
 
 INSIDE = (38, 37)
 OUTSIDE = (5, 50)

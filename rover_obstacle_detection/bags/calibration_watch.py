@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.topics import StereoTopics
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.messages.rectification import StereoRectification

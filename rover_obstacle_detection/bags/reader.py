@@ -11,7 +11,7 @@ from typing import Any
 
 from rover_obstacle_detection.bags.sources import Entry, Source, open_sources, read_failure
 from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import BagError, CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 

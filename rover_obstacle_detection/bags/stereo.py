@@ -12,7 +12,7 @@ from rover_obstacle_detection.bags.calibration_watch import CalibrationWatch, Fi
 from rover_obstacle_detection.bags.extras import Extras
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.topics import StereoTopics
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import BagError, CameraError, ImageError
 from rover_obstacle_detection.messages.calibration import StereoCalibration
 from rover_obstacle_detection.messages.header import (

@@ -19,7 +19,7 @@ from rover_obstacle_detection.cli.arguments import (
 from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.evaluation.weights import Weights
-from rover_obstacle_detection.offline.tuning_space import (
+from rover_obstacle_detection.tuning.space import (
     TUNED_BY_DEFAULT,
     Bounds,
     search_range,
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rover_obstacle_detection.detection.config import DetectorConfig
-    from rover_obstacle_detection.offline.tune import TuneOptions, TuningResult
-    from rover_obstacle_detection.offline.tuning_scenes import TuningScene
+    from rover_obstacle_detection.tuning.scenes import TuningScene
+    from rover_obstacle_detection.tuning.tune import TuneOptions, TuningResult
 
 DESCRIPTION = f"""\
 Choose the detector's parameters by labelled bags, and see whether they hold on bags that had no
@@ -238,8 +238,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_json_whole,
         write_whole,
     )
-    from rover_obstacle_detection.offline.tuning_report import parameter_file, tuning_json
-    from rover_obstacle_detection.offline.tuning_sampler import tuning_library
+    from rover_obstacle_detection.tuning.report import parameter_file, tuning_json
+    from rover_obstacle_detection.tuning.sampler import tuning_library
 
     tuning_library()
     start = detector_config(argparse.Namespace(**{**vars(arguments), 'method': None}))
@@ -258,8 +258,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _options(arguments: argparse.Namespace, start: DetectorConfig) -> TuneOptions:
-    from rover_obstacle_detection.offline.tune import TuneOptions
-    from rover_obstacle_detection.offline.tuning_space import ROVER_LIMITS, search_ranges
+    from rover_obstacle_detection.tuning.space import ROVER_LIMITS, search_ranges
+    from rover_obstacle_detection.tuning.tune import TuneOptions
 
     if start.method != 'hybrid' and not arguments.parameters:
         msg = f'the parameters tuned by default are of hybrid: name those of {start.method}'
@@ -286,8 +286,8 @@ def _options(arguments: argparse.Namespace, start: DetectorConfig) -> TuneOption
 def _result(
     arguments: argparse.Namespace, start: DetectorConfig, options: TuneOptions
 ) -> TuningResult:
-    from rover_obstacle_detection.offline.tune import tune_and_hold_out, tune_in_folds
-    from rover_obstacle_detection.offline.tuning_split import folds_of, split_bags
+    from rover_obstacle_detection.tuning.split import folds_of, split_bags
+    from rover_obstacle_detection.tuning.tune import tune_and_hold_out, tune_in_folds
 
     bags = arguments.bags
     if arguments.folds:
@@ -306,7 +306,7 @@ def _result(
 
 def _read(paths: Sequence[Path], arguments: argparse.Namespace) -> list[TuningScene]:
     from rover_obstacle_detection.offline.evaluate import BagOptions
-    from rover_obstacle_detection.offline.tuning_scenes import MEGABYTE, read_scenes
+    from rover_obstacle_detection.tuning.scenes import MEGABYTE, read_scenes
 
     options = BagOptions(
         left_topic=arguments.left_topic,
@@ -326,8 +326,7 @@ def _read(paths: Sequence[Path], arguments: argparse.Namespace) -> list[TuningSc
 
 
 def _print_result(result: TuningResult, options: TuneOptions) -> None:
-    from rover_obstacle_detection.offline.tune import ALL_TRIALS
-    from rover_obstacle_detection.offline.tuning_report import (
+    from rover_obstacle_detection.tuning.report import (
         WORSE,
         conclusion,
         parameter_table,
@@ -335,6 +334,7 @@ def _print_result(result: TuningResult, options: TuneOptions) -> None:
         summary_table,
         verdict,
     )
+    from rover_obstacle_detection.tuning.tune import ALL_TRIALS
 
     tuning = result.tuning
     tables = [scene_table(result.tuned, 'Tuned on')]

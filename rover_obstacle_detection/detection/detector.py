@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import Detection
-from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.hybrid import OPTIONAL_STAGES, detect_hybrid
-from rover_obstacle_detection.detection.image import equalized, grey_pair
-from rover_obstacle_detection.detection.study import detect_as_study
+from rover_obstacle_detection.detection.images.grey_pair import equalized, grey_pair
+from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.study.study import detect_as_study
 from rover_obstacle_detection.errors import CameraError, ConfigurationError, ImageError
 
 OnStage = Callable[[str], None]

@@ -9,39 +9,39 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.as_seen import as_seen
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.clearance import small_parts
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.cue import Cue
-from rover_obstacle_detection.detection.detection import FREE, OBSTACLE, Detection, Product
-from rover_obstacle_detection.detection.gravity import Gravity
-from rover_obstacle_detection.detection.grey_level import dark_regions
-from rover_obstacle_detection.detection.ground_matching import Stereo, match_against_ground
-from rover_obstacle_detection.detection.hazards import (
-    KNOWN_SHARE,
-    impassable_ground,
-    rough_ground,
-    standing_parts,
-)
-from rover_obstacle_detection.detection.image import GreyPair
-from rover_obstacle_detection.detection.outline import texture_level
-from rover_obstacle_detection.detection.regions import (
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.reprojection import reproject
+from rover_obstacle_detection.detection.images.components import small_parts
+from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.images.texture import texture_level
+from rover_obstacle_detection.detection.regions.grey_level import dark_regions
+from rover_obstacle_detection.detection.regions.regions import (
     Nearest,
     carried,
     nearest_known,
     seed_regions,
 )
-from rover_obstacle_detection.detection.reprojection import reproject
-from rover_obstacle_detection.detection.rocks import Rocks, outlined_rocks
-from rover_obstacle_detection.detection.segmentation import mean_shift_regions
-from rover_obstacle_detection.detection.survey import Terrain, survey
-from rover_obstacle_detection.detection.terrain import (
+from rover_obstacle_detection.detection.regions.segmentation import mean_shift_regions
+from rover_obstacle_detection.detection.result.as_seen import as_seen
+from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection, Product
+from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
+from rover_obstacle_detection.detection.stereo.ground_matching import Stereo, match_against_ground
+from rover_obstacle_detection.detection.study.window_terrain import (
     elevation_along,
     window_roughness,
     window_step,
 )
-from rover_obstacle_detection.detection.vertical import estimate_vertical
+from rover_obstacle_detection.detection.terrain.hazards import (
+    KNOWN_SHARE,
+    impassable_ground,
+    rough_ground,
+    standing_parts,
+)
+from rover_obstacle_detection.detection.terrain.survey import Terrain, survey
+from rover_obstacle_detection.detection.terrain.vertical import estimate_vertical
 
 OPTIONAL_STAGES = (
     'noise',

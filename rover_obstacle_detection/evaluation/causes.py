@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.cue import Cue
-from rover_obstacle_detection.detection.detection import Detection
-from rover_obstacle_detection.detection.gravity import GroundPlane
-from rover_obstacle_detection.detection.reprojection import reproject
+from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.reprojection import reproject
+from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.evaluation.disparity_error import seen_by_both, true_disparity
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import ROCK, SLOPE

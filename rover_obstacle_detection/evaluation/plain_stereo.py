@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.image import grey_pair
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 
 
 def plain_stereo_seconds(camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> float:

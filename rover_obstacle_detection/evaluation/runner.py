@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.evaluation.causes import FrameCauses
 from rover_obstacle_detection.evaluation.distributions import Distribution, TerrainDistributions
 from rover_obstacle_detection.evaluation.faults import find_faults

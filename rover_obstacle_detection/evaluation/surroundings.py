@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
 
 REACH_M = 0.35
 MAX_RADIUS_M = 1.0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
 
 
 def angles_deg(up: Sequence[float]) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from rover_obstacle_detection.detection.camera import RegionOfInterest, StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import RegionOfInterest, StereoCamera
 from rover_obstacle_detection.errors import CameraError
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.messages.encodings import FLOAT_ENCODING
 from rover_obstacle_detection.messages.factory import MessageFactory
 from rover_obstacle_detection.messages.image import encode_image

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rover_obstacle_detection.detection.detection import Detection
-from rover_obstacle_detection.detection.obstacles import Obstacle
+from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.messages.factory import MessageFactory
 from rover_obstacle_detection.pictures import is_tall
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.messages.cloud import encode_cloud
 from rover_obstacle_detection.messages.disparity import encode_disparity
 from rover_obstacle_detection.messages.factory import MessageFactory

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import CameraError
 
 

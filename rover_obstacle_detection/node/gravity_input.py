@@ -9,7 +9,7 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.time import Time
 
-from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.imu_gravity import MAX_AGE_NS, ImuGravity
 from rover_obstacle_detection.node.rclpy_factory import message_type

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.messages.header import stamp_ns
 
 # A pitching rover turns a few degrees in this time.

@@ -9,7 +9,7 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.node.rclpy_factory import RclpyFactory, message_type
 

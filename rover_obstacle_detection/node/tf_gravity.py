@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.duration import Duration
 
-from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.node.imu_gravity import up_from_quaternion
 

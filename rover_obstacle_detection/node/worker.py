@@ -11,10 +11,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.detector import Detector
-from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError, ObstacleDetectionError
 from rover_obstacle_detection.messages.image import decode_any_image
 from rover_obstacle_detection.node.calibration import LiveCalibration
@@ -22,7 +22,7 @@ from rover_obstacle_detection.node.image_pair import ImagePair
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
-from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
+from rover_obstacle_detection.swapped_images import refuse_swapped_images
 
 # A detection that runs is waited for; one that hangs does not keep the node from ending.
 PATIENCE_S = 20.0
@@ -126,7 +126,7 @@ class DetectionWorker:
             left, right, gravity=self._sources.gravity(header)
         )
         valid_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
-        refuse_swapped_eyes(detection, left, right, *self._sources.topics())
+        refuse_swapped_images(detection, left, right, *self._sources.topics())
         self._outputs.publish(detection, header)
         self._statistics.detection(
             time.monotonic() - pair.arrival_s,

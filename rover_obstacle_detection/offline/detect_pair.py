@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_camera
 from rover_obstacle_detection.messages.image import decode_compressed_image
@@ -27,7 +27,7 @@ from rover_obstacle_detection.offline.summary import (
     write_json,
 )
 from rover_obstacle_detection.rover_mask import RoverMask
-from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
+from rover_obstacle_detection.swapped_images import refuse_swapped_images
 
 OWN_FILES = (
     'mask.png',
@@ -80,7 +80,7 @@ def detect_pair(
         msg = f'{left}, {right}: {error}'
         raise ImageError(msg) from error
     stage_ms = stopwatch.take_ms()
-    refuse_swapped_eyes(detection, left_image, right_image, str(left), str(right))
+    refuse_swapped_images(detection, left_image, right_image, str(left), str(right))
     with output_folder(output, force=force, replaces=OWN_FILES) as folder:
         write_png(folder / 'mask.png', detection.mask)
         write_ply(folder / 'points.ply', detection.obstacle_points, detection.ground_points)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs
-from rover_obstacle_detection.detection.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import (

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection import pictures
-from rover_obstacle_detection.detection.detection import Detection
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.pictures import Colour, Picture
 
 PICTURE_NAMES = ('overlay', *pictures.PICTURES)

@@ -11,9 +11,9 @@ from rover_obstacle_detection.bags.reader import BagReader, open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.bags.writer import BagWriter
-from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
@@ -31,7 +31,7 @@ from rover_obstacle_detection.offline.summary import (
 )
 from rover_obstacle_detection.pairing import PairingStatistics
 from rover_obstacle_detection.rover_mask import RoverMask
-from rover_obstacle_detection.swapped_eyes import refuse_swapped_eyes
+from rover_obstacle_detection.swapped_images import refuse_swapped_images
 
 OnProgress = Callable[[int, int], None]
 """Called with the pairs done and the pairs expected."""
@@ -157,7 +157,7 @@ class _Run:
         try:
             detection = self._detector_of(pair.camera).detect(pair.left, pair.right, on_stage=lap)
             topics = self._topics
-            refuse_swapped_eyes(
+            refuse_swapped_images(
                 detection, pair.left, pair.right, topics.left_image, topics.right_image
             )
         except ImageError as error:

@@ -21,10 +21,10 @@ import numpy as np
 from rover_obstacle_detection import __version__
 from rover_obstacle_detection.bags.stereo import BadFrame
 from rover_obstacle_detection.bags.topics import StereoTopics
-from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import OBSTACLE, Detection
-from rover_obstacle_detection.detection.obstacles import Obstacle
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
+from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.offline.stopwatch import StageTime, stage_times
 from rover_obstacle_detection.pairing import PairingStatistics
 

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from rover_obstacle_detection.detection.obstacles import Obstacle
+from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.offline.stopwatch import StageTime
 from rover_obstacle_detection.offline.summary import ReplaySummary
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.simulation import labels as labelling
 from rover_obstacle_detection.simulation.description import Scene
 from rover_obstacle_detection.simulation.ground_mesh import fan, fan_mesh, surrounding_mesh

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.simulation.poses import CameraPose
 from rover_obstacle_detection.simulation.rigs import Rig
 

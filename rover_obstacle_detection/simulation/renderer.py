@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.simulation.ground_mesh import GroundMesh
 from rover_obstacle_detection.simulation.poses import CameraPose

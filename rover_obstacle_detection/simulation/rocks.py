@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.simulation.description import RockParameters
 from rover_obstacle_detection.simulation.poses import CameraPose
 from rover_obstacle_detection.simulation.rigs import Rig

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.disparity import Penalties, plain_disparity
-from rover_obstacle_detection.detection.gravity import GroundPlane
-from rover_obstacle_detection.detection.ground_plane import fit_ground_plane
-from rover_obstacle_detection.detection.image import grey_pair
-from rover_obstacle_detection.detection.noise import DISPARITY_NOISE_PX
-from rover_obstacle_detection.detection.reprojection import reproject
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import fit_ground_plane
+from rover_obstacle_detection.detection.geometry.noise import DISPARITY_NOISE_PX
+from rover_obstacle_detection.detection.geometry.reprojection import reproject
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.stereo.semi_global import Penalties, plain_disparity
 
 PENALTIES = Penalties(300, 1200)
 COARSE = 4

@@ -6,10 +6,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.detection import Detection
 from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.evaluation.methods.method import Mask
 
 

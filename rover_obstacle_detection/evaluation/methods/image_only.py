@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.image import grey_pair
-from rover_obstacle_detection.detection.morphology import close_then_open
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.study.morphology import close_then_open
 from rover_obstacle_detection.evaluation.methods.method import Mask, as_mask
 
 CLUSTERS = 4

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
-from rover_obstacle_detection.detection.image import grey_pair
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.evaluation.methods.method import Mask
 
 T1 = 10

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 
 Mask = NDArray[np.uint8]
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.evaluation.methods.dense_stereo import match_densely
 from rover_obstacle_detection.evaluation.methods.method import Mask

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 
 Points = NDArray[np.intp]
 Matches = NDArray[np.float64]

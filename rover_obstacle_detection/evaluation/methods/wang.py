@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.camera import StereoCamera
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.grey_level import dark_regions
-from rover_obstacle_detection.detection.image import grey_pair
-from rover_obstacle_detection.detection.morphology import close_then_open
-from rover_obstacle_detection.detection.regions import seed_regions
-from rover_obstacle_detection.detection.reprojection import reproject
-from rover_obstacle_detection.detection.segmentation import mean_shift_regions
-from rover_obstacle_detection.detection.study import exceeds_terrain_limits
-from rover_obstacle_detection.detection.terrain import (
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.reprojection import reproject
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.regions.grey_level import dark_regions
+from rover_obstacle_detection.detection.regions.regions import seed_regions
+from rover_obstacle_detection.detection.regions.segmentation import mean_shift_regions
+from rover_obstacle_detection.detection.study.morphology import close_then_open
+from rover_obstacle_detection.detection.study.study import exceeds_terrain_limits
+from rover_obstacle_detection.detection.study.window_terrain import (
     elevation_along,
     window_roughness,
     window_step,

@@ -1,0 +1,1 @@
+"""Cameras, planes and points: from disparity to metres."""

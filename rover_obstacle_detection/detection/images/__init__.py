@@ -1,0 +1,1 @@
+"""What one image tells: grey levels, edges, noise, texture, connected parts."""

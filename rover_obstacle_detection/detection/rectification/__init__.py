@@ -1,0 +1,1 @@
+"""Residual rectification error: row offset, turn and lens distortion."""

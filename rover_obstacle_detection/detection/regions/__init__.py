@@ -1,0 +1,1 @@
+"""Mean-shift regions and the pixels that only they can judge."""

@@ -1,0 +1,1 @@
+"""The detection: cues, mask, clouds, obstacles and their confidence."""

@@ -1,0 +1,1 @@
+"""What stands on the ground: evidence, outlines and which rocks are too high."""

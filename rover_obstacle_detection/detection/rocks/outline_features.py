@@ -1,0 +1,151 @@
+"""The evidence for an obstacle in and around each pixel, as planes of like scale."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.rocks.parallax import STEP_SHARES, parallax_evidence
+from rover_obstacle_detection.detection.stereo.ground_matching import Stereo
+from rover_obstacle_detection.detection.terrain.hazards import Standing
+from rover_obstacle_detection.detection.terrain.survey import Terrain
+
+Image = NDArray[np.float32]
+
+PLANES = (
+    'height over the step',
+    'height over its noise',
+    'measured',
+    'noise over the step',
+    'disparity noise',
+    'scale',
+    'grey level against the ground',
+    'standing part',
+    'top of the part over the step',
+    'parallax evidence',
+    *(f'parallax evidence for {share:g} steps' for share in STEP_SHARES),
+)
+"""Names of the planes, in order."""
+
+PARALLAX_PLANES = tuple(
+    number for number, name in enumerate(PLANES) if name.startswith('parallax evidence')
+)
+"""Those that `parallax_evidence` fills."""
+
+EVERYWHERE = (slice(None), slice(None))
+_GROUND_WINDOW = 61
+_TOP_REACH = 15
+_UNKNOWN_NOISE_STEPS = 3.0
+
+
+def outline_planes(
+    stereo: Stereo,
+    terrain: Terrain,
+    standing: Standing,
+    camera: StereoCamera,
+    config: DetectorConfig,
+    window: tuple[slice, slice] = EVERYWHERE,
+) -> Image:
+    """Bring what 3D and the image say of each pixel to one scale.
+
+    Parameters
+    ----------
+    stereo : Stereo
+    terrain : Terrain
+    standing : Standing
+    camera : StereoCamera
+    config : DetectorConfig
+    window : tuple of two slices
+        Rows and columns to look at.
+
+    Returns
+    -------
+    ndarray of float32, shape (planes, rows, columns)
+        In the order of `PLANES`: lengths over the rover's step, grey levels over the image's own
+        texture, so that neither the size of the rover nor the light matters.
+
+    Notes
+    -----
+    Where there is no 3D, the values are those of the nearest measured pixels on the row: the lower
+    one of both sides, for what a rock hides from the right eye lies behind it.
+    """
+    measured = terrain.measured[window]
+    parts = standing.parts[window]
+    step_m = np.float32(config.max_step)
+    on_part = (parts > 0).astype(np.float32)
+    top_m = standing.top_m[parts]
+    height_m = np.nan_to_num(terrain.height_m[window], nan=0.0)
+    most_noise_m = np.float32(_UNKNOWN_NOISE_STEPS * config.max_step)
+    noise_m = np.minimum(terrain.noise_m[window], most_noise_m)
+    step_px = terrain.pixels_per_metre[window] * step_m
+    noise_px = stereo.noise_px[window].copy()
+    rows, columns = np.nonzero(~measured)
+    left, right = measured_neighbours(measured, rows, columns)
+    source = np.where(height_m[rows, left] > height_m[rows, right], right, left)
+    on_part_around = on_part.copy()
+    for values in (height_m, noise_m, step_px, noise_px, on_part_around, top_m):
+        values[rows, columns] = values[rows, source]
+    kernel = np.ones((_TOP_REACH, _TOP_REACH), np.uint8)
+    evidence = parallax_evidence(stereo, terrain, camera, config.max_step, window)
+    planes = np.empty((len(PLANES), *measured.shape), np.float32)
+    for plane, values in zip(
+        planes,
+        (
+            np.clip(height_m / step_m, -2, 6),
+            np.clip(height_m / np.maximum(noise_m, np.float32(0.005)), -4, 12) / 4,
+            measured,
+            np.minimum(noise_m / step_m, 2),
+            noise_px * 5,
+            np.log(np.clip(step_px, 0.5, 500)) / 3,
+            grey_against_ground(stereo.pair[0][window], on_part, stereo.texture),
+            on_part_around,
+            np.clip(cv2.dilate(top_m, kernel) / step_m, 0, 5),
+            *np.clip(np.copysign(np.sqrt(np.abs(evidence)), evidence), -6, 6) / 2,
+        ),
+        strict=True,
+    ):
+        plane[:] = values
+    return planes
+
+
+def measured_neighbours(
+    measured: NDArray[np.bool_], rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Find the column of the nearest measured pixel to either side of a pixel, on its row.
+
+    Parameters
+    ----------
+    measured : ndarray of bool, shape (height, width)
+    rows, columns : ndarray of int, shape (n,)
+        Pixels that are not measured.
+
+    Returns
+    -------
+    left, right : ndarray of int, shape (n,)
+        Where one side has none, the other side's; where neither has, the pixel's own.
+    """
+    height, width = measured.shape
+    places = np.flatnonzero(measured)
+    # With a sentinel at either end every search has an answer, if one on another row.
+    places = np.concatenate(([-1], places, [height * width]))
+    after = np.searchsorted(places, rows * width + columns)
+    left, right = places[after - 1], places[after]
+    no_left, no_right = left < rows * width, right >= (rows + 1) * width
+    left, right = left - rows * width, right - rows * width
+    left = np.where(no_left, np.where(no_right, columns, right), left)
+    right = np.where(no_right, left, right)
+    return left, right
+
+
+def grey_against_ground(grey: NDArray[np.uint8], on_part: Image, texture: float) -> Image:
+    """Compare each pixel with the mean of the ground around it, in units of the texture."""
+    image = grey.astype(np.float32)
+    ground = 1 - on_part
+    size = (_GROUND_WINDOW, _GROUND_WINDOW)
+    share = cv2.blur(ground, size)
+    mean = cv2.blur(image * ground, size) / np.maximum(share, np.float32(1e-3))
+    difference = np.where(share > 0.02, image - mean, 0)
+    return np.asarray(np.clip(difference / np.float32(4 * texture), -3, 3), np.float32)

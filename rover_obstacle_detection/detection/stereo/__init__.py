@@ -1,0 +1,1 @@
+"""From a grey pair to disparity over the ground plane, with its noise."""

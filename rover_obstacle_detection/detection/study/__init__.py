@@ -1,0 +1,1 @@
+"""The study's own method, with its listed errors corrected."""

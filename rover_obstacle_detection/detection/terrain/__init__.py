@@ -1,0 +1,1 @@
+"""The terrain in view: local ground, slope, drop and the vertical."""

@@ -1,0 +1,163 @@
+"""The terrain from above: height over the ground plane in square cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+
+Grid = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class MapPositions:
+    """Where each pixel lies on the map, in cells, as ``cv2.remap`` wants it.
+
+    Parameters
+    ----------
+    column, row : ndarray of float32, shape (height, width)
+        Cell coordinates: to the right and forward of the camera; far outside where no 3D.
+    shape : tuple of int
+        Rows and columns of the map.
+    cell_m : float
+        Side of a cell, metres.
+    first_column, first_row : int
+        Cells from the point under the left eye to the map's first cell.
+    """
+
+    column: NDArray[np.float32]
+    row: NDArray[np.float32]
+    shape: tuple[int, int]
+    cell_m: float
+    first_column: int = 0
+    first_row: int = 0
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Pixels that lie on the map."""
+        return self.row > -5
+
+
+def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give unit vectors within the plane: to the right, and forward along the optical axis."""
+    normal = np.asarray(ground.normal)
+    right = np.array([1.0, 0.0, 0.0])
+    right -= normal * (right @ normal)
+    right /= np.linalg.norm(right)
+    return right, np.cross(normal, right)
+
+
+def plane_coordinates(
+    disparity: NDArray[np.float32], camera: StereoCamera, ground: GroundPlane
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Find how far to the right and forward of the camera each point lies, along the plane.
+
+    Parameters
+    ----------
+    disparity : ndarray of float32, shape (height, width)
+        Pixels, the camera's offset taken off; 0 where there is no match.
+    camera : StereoCamera
+        Of the disparity's size.
+    ground : GroundPlane
+
+    Returns
+    -------
+    across_m, along_m : ndarray of float32, shape (height, width)
+        Metres; 0 where there is no match.
+    """
+    right, forward = ground_axes(ground)
+    x_over_z, y_over_z = camera.rays()
+    depth_m = np.zeros_like(disparity)
+    np.divide(
+        np.float32(camera.fx * camera.baseline_m), disparity, out=depth_m, where=disparity > 0
+    )
+    across, along = (
+        depth_m
+        * (np.float32(axis[0]) * x_over_z + (np.float32(axis[1]) * y_over_z + np.float32(axis[2])))
+        for axis in (right, forward)
+    )
+    return across, along
+
+
+def map_positions(
+    across_m: NDArray[np.float32],
+    along_m: NDArray[np.float32],
+    usable: NDArray[np.bool_],
+    cell_m: float,
+) -> MapPositions:
+    """Place every usable pixel on a map just large enough for them.
+
+    Parameters
+    ----------
+    across_m, along_m : ndarray of float32, shape (height, width)
+        As `plane_coordinates` gives them.
+    usable : ndarray of bool, shape (height, width)
+    cell_m : float
+        Side of a cell.
+    """
+    if not usable.any():
+        outside = np.full_like(across_m, -10)
+        return MapPositions(outside, outside, (1, 1), cell_m)
+    across, along = across_m / np.float32(cell_m), along_m / np.float32(cell_m)
+    first_column, last_column = _extent(across, usable)
+    first_row, last_row = _extent(along, usable)
+    across -= first_column
+    along -= first_row
+    across[~usable] = -10
+    along[~usable] = -10
+    return MapPositions(
+        across,
+        along,
+        (last_row - first_row + 1, last_column - first_column + 1),
+        cell_m,
+        first_column,
+        first_row,
+    )
+
+
+def cell_means(
+    values: NDArray[np.float32], weights: NDArray[np.float32], positions: MapPositions
+) -> tuple[Grid, Grid]:
+    """Weighted mean of the pixels in each cell.
+
+    Returns
+    -------
+    mean : ndarray of float32, shape of the map
+        0 in empty cells.
+    weight : ndarray of float32, shape of the map
+        Sum of weights; 0 in empty cells.
+    """
+    inside = weights > 0
+    rows, columns = positions.shape
+    cell = (positions.row[inside] + 0.5).astype(np.intp)
+    cell *= columns
+    cell += (positions.column[inside] + 0.5).astype(np.intp)
+    weight = weights[inside]
+    total = np.bincount(cell, weights=weight, minlength=rows * columns)
+    summed = np.bincount(cell, weights=weight * values[inside], minlength=rows * columns)
+    mean = summed / np.maximum(total, 1e-12)
+    return (
+        mean.astype(np.float32).reshape(rows, columns),
+        total.astype(np.float32).reshape(rows, columns),
+    )
+
+
+def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
+    """Value of the map at each pixel, bilinear."""
+    return np.asarray(
+        cv2.remap(
+            grid, positions.column, positions.row, cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        ),
+        np.float32,
+    )  # fmt: skip
+
+
+def _extent(cells: NDArray[np.float32], usable: NDArray[np.bool_]) -> tuple[int, int]:
+    inside = cells[usable]
+    return int(np.floor(inside.min())), int(np.ceil(inside.max())) + 1

@@ -1,0 +1,99 @@
+"""Whether left and right have been mistaken for each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.errors import ImageError
+
+WIDTH = 256
+DISPARITIES = 64
+BLOCK = 5
+# Of a pair in the right order most pixels match; chance matches some tenths of a swapped one.
+SWAPPED_SHARE = 0.4
+SWAPPED_RATIO = 2.0
+# Under this share of pixels with a disparity it is worth looking for the reason.
+SUSPICIOUS_SHARE = 0.5
+
+
+def refuse_swapped_images(
+    detection: Detection,
+    left: NDArray[Any],
+    right: NDArray[Any],
+    left_name: str,
+    right_name: str,
+) -> None:
+    """Refuse a pair with few matches that has them the other way round.
+
+    Parameters
+    ----------
+    detection : Detection
+        Of this pair.
+    left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+    left_name, right_name : str
+        Topics or files, for the error.
+
+    Raises
+    ------
+    ImageError
+        If left and right are swapped.
+    """
+    matched_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
+    if matched_share < SUSPICIOUS_SHARE and are_swapped(left, right, detection.camera):
+        msg = (
+            f'{left_name}, {right_name}: the disparities are negative throughout: expected '
+            f'the left eye on {left_name}; are left and right swapped?'
+        )
+        raise ImageError(msg)
+
+
+def are_swapped(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> bool:
+    """Whether a pair matches with negative disparities throughout, but not with positive ones.
+
+    Parameters
+    ----------
+    left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+        Of the camera's size.
+    camera : StereoCamera
+
+    Returns
+    -------
+    bool
+        False also where neither order matches, as in the dark.
+    """
+    pair = grey_pair(left, right, camera)
+    small = camera.resized(WIDTH, max(round(WIDTH * camera.height / camera.width), BLOCK))
+    first, second = (
+        cv2.resize(image, (small.width, small.height), interpolation=cv2.INTER_AREA)
+        for image in pair
+    )
+    offset = round(small.disparity_offset)
+    swapped = _matched_share(second, first, offset)
+    return swapped > SWAPPED_SHARE and swapped > SWAPPED_RATIO * _matched_share(
+        first, second, offset
+    )
+
+
+def _matched_share(left: NDArray[Any], right: NDArray[Any], offset: int) -> float:
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=offset,
+        numDisparities=DISPARITIES,
+        blockSize=BLOCK,
+        P1=8 * BLOCK**2,
+        P2=32 * BLOCK**2,
+        disp12MaxDiff=1,
+        uniquenessRatio=15,
+        speckleWindowSize=50,
+        speckleRange=2,
+        mode=cv2.StereoSGBM_MODE_SGBM_3WAY,
+    )
+    disparity = matcher.compute(left, right)
+    visible = disparity[:, DISPARITIES + max(offset, 0) :]
+    return float(np.mean(visible >= 16 * offset))

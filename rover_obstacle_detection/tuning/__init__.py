@@ -1,0 +1,1 @@
+"""Parameters learned from labelled recordings (optional extra tune)."""

@@ -1,0 +1,1 @@
+"""Studies beyond the figures of methods, for docs/evaluation.md."""

@@ -1,0 +1,216 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.errors import CameraError, ObstacleDetectionError
+
+
+def camera_info(side='left', *, fx=400.0, fy=410.0, cx=319.5, cy=239.5, baseline=0.12, **fields):
+    shift = -fx * baseline if side == 'right' else 0.0
+    p = [fx, 0.0, cx, shift, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    return SimpleNamespace(**{'width': 640, 'height': 480, 'p': p, **fields})
+
+
+def pair(left=None, right=None, **both):
+    return (
+        camera_info('left', **{**both, **(left or {})}),
+        camera_info('right', **{**both, **(right or {})}),
+    )
+
+
+def roi(x, y, width, height):
+    return SimpleNamespace(x_offset=x, y_offset=y, width=width, height=height)
+
+
+def refusal(*infos):
+    with pytest.raises(CameraError) as caught:
+        StereoCamera.from_camera_info(*infos)
+    assert isinstance(caught.value, ObstacleDetectionError)
+    return str(caught.value)
+
+
+def camera(**changes):
+    numbers = {'width': 640, 'height': 480, 'fx': 400.0, 'fy': 400.0, 'cx': 319.5, 'cy': 239.5}
+    return StereoCamera(**{**numbers, 'baseline_m': 0.1, **changes})
+
+
+def test_camera_info_gives_focal_lengths_centre_and_baseline():
+    found = StereoCamera.from_camera_info(*pair())
+    assert (found.width, found.height, found.shape) == (640, 480, (480, 640))
+    assert (found.fx, found.fy, found.cx, found.cy) == (400.0, 410.0, 319.5, 239.5)
+    assert found.baseline_m == pytest.approx(0.12)
+    assert found.cx_right == 319.5
+    assert found.disparity_offset == 0
+
+
+@given(
+    fx=st.floats(50, 5000),
+    fy=st.floats(50, 5000),
+    cx=st.floats(-100, 2000),
+    cx_right=st.floats(-100, 2000),
+    cy=st.floats(-100, 2000),
+    baseline=st.floats(1e-3, 10),
+)
+def test_camera_info_round_trip(fx, fy, cx, cx_right, cy, baseline):
+    both = {'fx': fx, 'fy': fy, 'cy': cy, 'baseline': baseline}
+    found = StereoCamera.from_camera_info(*pair({'cx': cx}, {'cx': cx_right}, **both))
+    assert (found.fx, found.fy, found.cx, found.cy) == (fx, fy, cx, cy)
+    assert found.cx_right == cx_right
+    assert found.baseline_m == pytest.approx(baseline)
+
+
+def test_matrix_may_be_called_upper_case_p_and_be_an_array():
+    left, right = pair()
+    for info in (left, right):
+        info.P = np.array(info.p).reshape(3, 4)
+        del info.p
+    assert StereoCamera.from_camera_info(left, right).fx == 400.0
+
+
+def test_binning_divides_size_and_calibration():
+    found = StereoCamera.from_camera_info(*pair(binning_x=2, binning_y=4))
+    assert (found.width, found.height) == (320, 120)
+    assert (found.fx, found.fy, found.cx, found.cy) == (200.0, 102.5, 159.75, 59.875)
+    assert found.cx_right == 159.75
+    assert found.baseline_m == pytest.approx(0.12)
+
+
+def test_binning_of_zero_is_none():
+    assert StereoCamera.from_camera_info(*pair(binning_x=0, binning_y=0)).width == 640
+
+
+def test_region_of_interest_moves_the_principal_point():
+    found = StereoCamera.from_camera_info(*pair(roi=roi(100, 60, 320, 200)))
+    assert (found.width, found.height) == (320, 200)
+    assert (found.cx, found.cy, found.cx_right) == (219.5, 179.5, 219.5)
+
+
+def test_region_of_interest_without_size_is_the_whole_image():
+    found = StereoCamera.from_camera_info(*pair(roi=roi(0, 0, 0, 0)))
+    assert (found.width, found.height, found.cx) == (640, 480, 319.5)
+
+
+def test_offset_comes_off_before_the_binning():
+    found = StereoCamera.from_camera_info(
+        *pair(roi=roi(100, 60, 320, 200), binning_x=2, binning_y=2)
+    )
+    assert (found.width, found.height) == (160, 100)
+    assert (found.cx, found.cy, found.fx) == (109.75, 89.75, 200.0)
+
+
+def test_eyes_may_have_other_columns_in_view():
+    found = StereoCamera.from_camera_info(
+        *pair({'roi': roi(100, 60, 320, 200)}, {'roi': roi(80, 60, 320, 200)})
+    )
+    assert (found.cx, found.cx_right) == (219.5, 239.5)
+    assert found.disparity_offset == -20
+
+
+def test_other_centre_of_the_right_eye_is_the_disparity_of_infinity():
+    found = StereoCamera.from_camera_info(*pair({'cx': 319.5}, {'cx': 300.0}))
+    assert found.disparity_offset == 19.5
+
+
+@pytest.mark.parametrize(
+    ('infos', 'said'),
+    [
+        (pair()[::-1], ['P[3] is 0.0', 'baseline', 'swapped']),
+        (pair(baseline=-0.12), ['P[3] is 48.0', '-0.12 m', 'swapped']),
+        (pair(baseline=0.0), ['P[3] is -0.0', 'baseline is 0 m']),
+        (pair(fx=0.0), ['left camera_info', 'P[0] (fx) is 0.0', 'positive']),
+        (pair(right={'fy': 0.0}), ['right camera_info', 'P[5] (fy) is 0.0']),
+        (pair(left={'fx': -400.0}), ['left camera_info', 'P[0] (fx) is -400.0']),
+        (pair(p=[0.0] * 12), ['left camera_info', 'P[0] (fx) is 0.0']),
+        (pair(right={'cx': math.nan}), ['right camera_info', 'not finite', 'nan']),
+        (pair(left={'cy': math.inf}), ['left camera_info', 'not finite', 'inf']),
+        (pair(p=[1.0] * 11), ['left camera_info', 'P has 11 numbers', 'expected 12']),
+        (pair(p=[]), ['P has 0 numbers', 'expected 12']),
+        (pair(right={'p': None}), ['right camera_info', 'no projection matrix']),
+        (pair(left={'width': 0}), ['left camera_info', '0 x 480']),
+        (pair(height=-1), ['640 x -1', 'positive width and height']),
+        (pair(right={'width': 320}), ['640 x 480', '320 x 480', 'the same']),
+        (pair(right={'binning_x': 2}), ['binning (1, 1)', 'binning (2, 1)']),
+        (pair(right={'fx': 404.0}), ['P[0] (fx)', '400.0', '404.0', 'rectified']),
+        (pair(right={'fy': 414.0}), ['P[5] (fy)', '410.0', '414.0', 'rectified']),
+        (pair(right={'cy': 241.0}), ['P[6] (cy)', '239.5', '241.0', 'rectified']),
+        (
+            pair({'roi': roi(0, 60, 320, 200)}, {'roi': roi(0, 58, 320, 200)}),
+            ['roi.y_offset', '60', '58', 'rows'],
+        ),
+    ],
+)
+def test_bad_calibration_is_refused_by_name(infos, said):
+    message = refusal(*infos)
+    for part in said:
+        assert part in message
+    assert '\n' not in message
+
+
+@pytest.mark.parametrize('field', ['width', 'height', 'fx', 'fy', 'baseline_m'])
+@pytest.mark.parametrize('value', [0, -1, math.nan, math.inf])
+def test_numbers_that_must_be_positive(field, value):
+    with pytest.raises(CameraError, match=f'{field} is {value}: expected a positive number'):
+        camera(**{field: value})
+
+
+@pytest.mark.parametrize('field', ['cx', 'cy', 'cx_right'])
+@pytest.mark.parametrize('value', [math.nan, -math.inf])
+def test_numbers_that_must_be_finite(field, value):
+    with pytest.raises(CameraError, match=f'{field} is {value}: expected a finite number'):
+        camera(**{field: value})
+
+
+def test_swapped_images_are_suggested_for_a_negative_baseline():
+    with pytest.raises(CameraError, match=r'P_right\[3\].*swapped'):
+        camera(baseline_m=-0.1)
+
+
+def test_camera_is_immutable():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        camera().fx = 1.0
+
+
+@given(depth=st.floats(0.05, 500))
+def test_depth_and_disparity_are_inverse(depth):
+    each = camera()
+    assert each.disparity_at(depth) == pytest.approx(400 * 0.1 / depth)
+    assert each.depth_m(each.disparity_at(depth)) == pytest.approx(depth)
+
+
+def project(each, x, y, z):
+    return each.fx * x / z + each.cx, each.fy * y / z + each.cy, each.disparity_at(z)
+
+
+@given(
+    x=st.floats(-1, 1),
+    y=st.floats(-1, 1),
+    z=st.floats(0.3, 20),
+    width=st.integers(16, 2000),
+    height=st.integers(16, 2000),
+)
+def test_resizing_keeps_where_points_fall(x, y, z, width, height):
+    each = camera(cx_right=311.5)
+    small = each.resized(width, height)
+    column, row, disparity = project(each, x, y, z)
+    scale_x, scale_y = width / 640, height / 480
+    # A pixel is the square around its centre: the image begins at -0.5.
+    assert project(small, x, y, z) == pytest.approx(
+        ((column + 0.5) * scale_x - 0.5, (row + 0.5) * scale_y - 0.5, disparity * scale_x)
+    )
+    assert small.disparity_offset == pytest.approx(8 * scale_x)
+    assert small.shape == (height, width)
+
+
+def test_rays_point_through_the_pixel_centres():
+    x_over_z, y_over_z = camera(width=5, height=3, fx=2.0, fy=4.0, cx=2.0, cy=1.0).rays()
+    assert x_over_z.dtype == y_over_z.dtype == np.float32
+    np.testing.assert_array_equal(x_over_z, [[-1.0, -0.5, 0.0, 0.5, 1.0]])
+    np.testing.assert_array_equal(y_over_z, [[-0.25], [0.0], [0.25]])

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rover_obstacle_detection.detection.images.components import (
+    high_holes,
+    small_parts,
+    top_heights,
+)
+
+
+def test_small_parts_are_those_under_the_size():
+    mask = np.zeros((6, 12), bool)
+    mask[1, 1:4] = True
+    mask[3:5, 6:8] = True
+    mask[2, 4] = True
+    expected = np.zeros_like(mask)
+    assert not small_parts(mask, 4).any()
+    expected[1, 1:4] = expected[2, 4] = expected[3:5, 6:8] = True
+    np.testing.assert_array_equal(small_parts(mask, 5), expected)
+
+
+def tops(height, parts, share=0.5):
+    found = top_heights(np.array(height, np.float32), np.array(parts, np.int32), share)
+    assert found.dtype == np.float32
+    return found
+
+
+def test_top_is_the_mean_of_the_highest():
+    height = [[0.1, 0.4, 0.2, 9.0], [0.3, 0.6, 0.5, -1.0]]
+    parts = [[1, 1, 1, 0], [1, 2, 2, 2]]
+    np.testing.assert_allclose(tops(height, parts), [0, 0.35, 0.6], rtol=1e-6)
+    np.testing.assert_allclose(tops(height, parts, 1.0), [0, 0.25, 0.1 / 3], rtol=1e-5)
+
+
+def test_top_is_at_least_one_pixel():
+    np.testing.assert_allclose(tops([[0.1, 0.4, 0.2]], [[1, 1, 1]], 0.1), [0, 0.4])
+
+
+def test_numbers_without_a_pixel_have_no_height():
+    np.testing.assert_allclose(tops([[0.1, 0.4, 0.2]], [[2, 0, 5]]), [0, 0, 0.1, 0, 0, 0.2])
+    np.testing.assert_array_equal(tops([[0.1, 0.4]], [[0, 0]]), [0])
+    np.testing.assert_array_equal(tops(np.zeros((0, 3)), np.zeros((0, 3))), [0])
+
+
+def test_top_may_lie_below_the_ground():
+    np.testing.assert_allclose(tops([[-0.3, -0.1]], [[1, 1]]), [0, -0.1])
+
+
+@given(
+    parts=st.lists(st.integers(0, 4), min_size=1, max_size=30),
+    share=st.floats(0.01, 1),
+    seed=st.integers(0, 99),
+)
+def test_tops_are_those_of_each_part_by_itself(parts, share, seed):
+    height = np.random.default_rng(seed).normal(0, 1, len(parts)).astype(np.float32)
+    parts = np.array(parts, np.int32)
+    expected = np.zeros(parts.max() + 1)
+    for number in set(parts) - {0}:
+        own = np.sort(height[parts == number])[::-1]
+        expected[number] = own[: max(1, int(len(own) * share))].mean()
+    found = top_heights(height[np.newaxis], parts[np.newaxis], share)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def ring(top, bottom, left, right):
+    """A frame one pixel wide, its hole open towards nothing."""
+    mask = np.zeros((12, 16), bool)
+    mask[top : bottom + 1, left : right + 1] = True
+    mask[top + 1 : bottom, left + 1 : right] = False
+    return mask
+
+
+def test_hole_that_stands_high_is_more_of_the_obstacle():
+    mask = ring(2, 6, 2, 7) | ring(5, 10, 9, 14)
+    height = np.zeros(mask.shape, np.float32)
+    height[3:6, 3:7] = 0.2
+    height[6:10, 10:14] = 0.04
+    expected = np.zeros_like(mask)
+    expected[3:6, 3:7] = True
+    np.testing.assert_array_equal(high_holes(mask, height, 0.05), expected)
+    assert not high_holes(mask, height, 0.25).any()
+    assert np.count_nonzero(high_holes(mask, height, 0.03)) == 12 + 16
+
+
+def test_hole_is_as_high_as_its_mean():
+    mask = ring(2, 6, 2, 7)
+    height = np.zeros(mask.shape, np.float32)
+    height[3, 3:7] = 0.3
+    assert high_holes(mask, height, 0.099).any()
+    assert not high_holes(mask, height, 0.101).any()
+
+
+def test_holes_do_not_leak_over_corners():
+    mask = ring(2, 6, 2, 7)
+    mask[2, 2] = False
+    height = np.full(mask.shape, 0.2, np.float32)
+    assert np.count_nonzero(high_holes(mask, height, 0.05)) == 12
+
+
+@pytest.mark.parametrize('edge', [(0, 6, 2, 7), (2, 11, 2, 7), (2, 6, 0, 7), (2, 6, 2, 15)])
+def test_what_is_open_to_the_border_of_the_image_is_no_hole(edge):
+    mask = ring(*edge)
+    top, bottom, left, right = edge
+    # The frame itself runs along the border, and there it is open.
+    if top == 0:
+        mask[0] = False
+    if bottom == 11:
+        mask[11] = False
+    if left == 0:
+        mask[:, 0] = False
+    if right == 15:
+        mask[:, 15] = False
+    assert not high_holes(mask, np.full(mask.shape, 0.2, np.float32), 0.05).any()
+
+
+@pytest.mark.parametrize('filled', [False, True])
+def test_without_a_hole_there_is_none(filled):
+    mask = np.full((5, 6), filled)
+    assert not high_holes(mask, np.full((5, 6), 0.2, np.float32), 0.05).any()

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+import waves
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rover_obstacle_detection.detection.images.image_noise import (
+    gradient_level,
+    image_noise,
+    noise_share,
+    smoothed_against_noise,
+)
+
+SHAPE = (150, 200)
+ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
+SCENES = {
+    'flat': np.full(SHAPE, 128.0),
+    'rising along the row': 40 + 0.8 * COLUMNS,
+    'rising along the diagonal': 40 + 0.3 * COLUMNS + 0.6 * ROWS,
+    'blocks': 80 + 90 * ((COLUMNS // 20 + ROWS // 20) % 2),
+    'texture of 16 px and more': waves.texture(COLUMNS, ROWS, shortest_px=16),
+}
+
+
+@pytest.mark.parametrize('sigma', [1.0, 2.0, 4.0, 8.0])
+@pytest.mark.parametrize('name', SCENES)
+def test_noise_is_measured_whatever_is_in_the_image(name, sigma):
+    image = waves.as_image(SCENES[name], sigma)
+    # Rounding to whole levels adds a little of its own.
+    assert image_noise(image) == pytest.approx(np.hypot(sigma, 0.3), rel=0.08)
+
+
+def test_fine_texture_counts_for_some_noise_only():
+    fine = waves.texture(COLUMNS, ROWS, shortest_px=5)
+    assert image_noise(waves.as_image(fine)) < 0.25 * fine.std()
+
+
+@pytest.mark.parametrize('name', ['flat', 'blocks'])
+def test_clean_image_has_the_least_noise(name):
+    assert image_noise(waves.as_image(SCENES[name])) == 0.5
+
+
+@pytest.mark.parametrize('level', [0, 255])
+def test_image_that_is_all_clipped_has_the_least_noise(level):
+    image = waves.as_image(np.full(SHAPE, level * 2.0 - 127), 5.0)
+    assert image.min() == image.max() == level
+    assert image_noise(image) == 0.5
+    assert gradient_level(image) == pytest.approx(0.1)
+
+
+def test_large_images_are_measured_on_a_part():
+    image = waves.as_image(np.full((700, 900), 128.0), 3.0)
+    assert image_noise(image) == pytest.approx(3.0, rel=0.03)
+
+
+@pytest.mark.parametrize('rise', [1, 3])
+def test_gradient_is_the_change_from_pixel_to_pixel(rise):
+    ramp = np.tile(np.arange(60) * rise, (40, 1)).astype(np.uint8)
+    # As the standard deviation of which the change were the median.
+    assert gradient_level(ramp) == pytest.approx(1.4826 * rise)
+    assert gradient_level(np.ascontiguousarray(ramp.T)) == pytest.approx(0.1)
+
+
+def test_gradient_of_texture_is_its_standard_deviation():
+    texture = waves.texture(COLUMNS, ROWS)
+    expected = (texture[:, 2:] - texture[:, :-2]).std() / 2
+    assert gradient_level(waves.as_image(texture)) == pytest.approx(expected, rel=0.1)
+
+
+def test_rich_texture_is_quiet_and_noise_alone_is_noisy():
+    texture = waves.texture(COLUMNS, ROWS)
+    assert noise_share(waves.as_image(texture, 1.5)) == 0
+    assert noise_share(waves.as_image(SCENES['flat'], 1.5)) == 1
+    assert noise_share(waves.as_image(128 + 0.05 * (texture - 128), 5.0)) == 1
+
+
+def test_share_grows_with_the_noise():
+    texture = waves.texture(COLUMNS, ROWS, shortest_px=16, contrast=12.0)
+    shares = [noise_share(waves.as_image(texture, sigma)) for sigma in np.arange(0, 8, 0.5)]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0, 1)
+    assert any(0 < share < 1 for share in shares)
+
+
+@given(
+    contrast=st.floats(0, 200),
+    noise=st.floats(0, 60),
+    shape=st.tuples(st.integers(1, 20), st.integers(1, 20)),
+)
+def test_share_is_from_none_to_all(contrast, noise, shape):
+    generator = np.random.default_rng(0)
+    image = 128 + contrast * np.sin(np.arange(shape[1])) + generator.normal(0, noise, shape)
+    assert 0 <= noise_share(np.clip(image, 0, 255).astype(np.uint8)) <= 1
+
+
+def noisy_pair():
+    return waves.as_image(SCENES['flat'], 8.0, 1), waves.as_image(SCENES['flat'], 8.0, 2)
+
+
+def test_quiet_pair_stays_the_very_same():
+    pair = noisy_pair()
+    found = smoothed_against_noise(pair, 0.0)
+    assert all(one is other for one, other in zip(found, pair, strict=True))
+
+
+def test_noisy_pair_is_smoothed_by_a_pixel():
+    pair = noisy_pair()
+    for found, eye in zip(smoothed_against_noise(pair, 1.0), pair, strict=True):
+        assert found.dtype == np.uint8
+        np.testing.assert_array_equal(found, cv2.GaussianBlur(eye, (0, 0), 1.0))
+
+
+def test_smoothing_grows_with_the_share():
+    pair = noisy_pair()
+    spreads = [smoothed_against_noise(pair, share)[0].std() for share in (0, 0.4, 0.7, 1.0)]
+    assert spreads == sorted(spreads, reverse=True)
+    # A Gaussian of one pixel averages 4 pi pixels.
+    assert spreads[-1] == pytest.approx(8 / np.sqrt(4 * np.pi), rel=0.1)
+
+
+def test_smoothing_moves_nothing():
+    spot = np.zeros((9, 9), np.uint8)
+    spot[4, 3] = 255
+    found, _ = smoothed_against_noise((spot, spot), 0.8)
+    np.testing.assert_array_equal(found[:, 3 + np.arange(1, 4)], found[:, 3 - np.arange(1, 4)])
+    assert found.argmax() == spot.argmax()

@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rover_obstacle_detection.detection.regions.grey_level import dark_regions
+
+REGIONS = np.array([[1, 1, 2, 2, 3, 3]], np.int32)
+GREY = np.array([[49, 50, 200, 210, 10, 20]], np.uint8)
+
+
+def test_region_in_the_dark_without_points_is_dark():
+    is_seed = np.zeros(4, bool)
+    np.testing.assert_array_equal(
+        dark_regions(GREY, REGIONS, is_seed, 50), [False, True, False, True]
+    )
+
+
+def test_seed_regions_are_not_judged_by_grey_level():
+    is_seed = np.array([False, False, False, True])
+    np.testing.assert_array_equal(
+        dark_regions(GREY, REGIONS, is_seed, 50), [False, True, False, False]
+    )
+
+
+@pytest.mark.parametrize(('limit', 'dark'), [(49.5, False), (49.6, True)])
+def test_only_a_mean_below_the_threshold_is_dark(limit, dark):
+    assert dark_regions(GREY, REGIONS, np.zeros(4, bool), limit)[1] == dark
+
+
+def test_threshold_zero_finds_nothing():
+    black = np.zeros((1, 6), np.uint8)
+    assert not dark_regions(black, REGIONS, np.zeros(4, bool), 0).any()

@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from rover_obstacle_detection.detection.regions.segmentation import (
+    connected_levels,
+    mean_shift_regions,
+    merge_small,
+)
+
+
+def flood_fill(image, max_difference):
+    """Label in reading order, pixel by pixel."""
+    height, width = image.shape
+    labels = np.zeros(image.shape, int)
+    for start in np.ndindex(image.shape):
+        if labels[start]:
+            continue
+        number = labels.max() + 1
+        labels[start] = number
+        stack = [start]
+        while stack:
+            v, u = stack.pop()
+            for other in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
+                inside = 0 <= other[0] < height and 0 <= other[1] < width
+                if not inside or labels[other]:
+                    continue
+                if abs(int(image[v, u]) - int(image[other])) <= max_difference:
+                    labels[other] = number
+                    stack.append(other)
+    return labels
+
+
+def same_partition(one, other):
+    pairs = {*zip(one.ravel().tolist(), other.ravel().tolist(), strict=True)}
+    return len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+@settings(max_examples=60)
+@given(
+    image=hnp.arrays(np.uint8, st.tuples(st.integers(1, 7), st.integers(1, 7))),
+    max_difference=st.sampled_from([0, 1, 20, 60, 255]),
+)
+def test_regions_are_those_of_a_flood_fill(image, max_difference):
+    labels = connected_levels(image, max_difference)
+    assert labels.dtype == np.int32
+    assert labels.min() == 1
+    assert same_partition(labels, flood_fill(image, max_difference))
+
+
+def test_neighbours_connect_by_sides_only():
+    image = np.array([[0, 255], [255, 0]], np.uint8)
+    assert len(np.unique(connected_levels(image, 10))) == 4
+
+
+def test_gentle_gradient_is_one_region_and_a_jump_is_not():
+    image = np.tile(np.arange(0, 200, 4, dtype=np.uint8), (5, 1))
+    assert (connected_levels(image, 4) == 1).all()
+    image[:, 25:] += 20
+    assert len(np.unique(connected_levels(image, 4))) == 2
+
+
+def test_small_regions_go_to_the_nearest_large_one():
+    labels = np.ones((10, 20), np.int32)
+    labels[:, 10:] = 2
+    labels[4:6, 3:5] = 3
+    labels[4:6, 14:16] = 4
+    merged = merge_small(labels, 5)
+    assert (merged[:, :10] == 1).all()
+    assert (merged[:, 10:] == 2).all()
+    assert merged.dtype == np.int32
+
+
+def test_regions_at_the_limit_stay_and_numbers_close_up():
+    labels = np.array([[1, 2, 2, 3, 3, 3, 3, 4, 5, 5, 5]], np.int32)
+    merged = merge_small(labels, 3)
+    assert sorted(np.unique(merged)) == [1, 2]
+    assert (merged[0, 3:7] == 1).all()
+    assert (merged[0, 8:] == 2).all()
+
+
+def test_without_a_large_region_all_are_one():
+    labels = np.arange(1, 13, dtype=np.int32).reshape(3, 4)
+    np.testing.assert_array_equal(merge_small(labels, 2), np.ones((3, 4), np.int32))
+
+
+@settings(max_examples=60)
+@given(
+    labels=hnp.arrays(
+        np.int32,
+        st.tuples(st.integers(1, 9), st.integers(1, 9)),
+        elements=st.integers(1, 6),
+    ),
+    min_size=st.integers(1, 20),
+)
+def test_merging_leaves_no_gap_in_numbers_and_no_pixel_out(labels, min_size):
+    merged = merge_small(labels, min_size)
+    count = merged.max()
+    assert sorted(np.unique(merged)) == list(range(1, count + 1))
+    sizes = np.bincount(labels.ravel())
+    for number in np.flatnonzero(sizes >= min_size):
+        if number:
+            assert len(np.unique(merged[labels == number])) == 1
+    assert count == max(np.count_nonzero(sizes[1:] >= min_size), 1)
+
+
+def test_dark_and_bright_halves_are_regions_of_their_own():
+    noise = np.random.default_rng(2).normal(0, 3, (60, 80))
+    levels = np.full((60, 80), 20.0)
+    levels[:, 40:] = 170
+    regions = mean_shift_regions(np.rint(levels + noise).astype(np.uint8), 8, 20, 50)
+    assert regions.dtype == np.int32
+    assert regions.shape == (60, 80)
+    assert len(np.unique(regions[:, :38])) == 1
+    assert len(np.unique(regions[:, 42:])) == 1
+    assert regions[0, 0] != regions[0, 79]
+
+
+def test_spot_smaller_than_the_limit_is_no_region():
+    image = np.full((60, 80), 120, np.uint8)
+    cv2.circle(image, (40, 30), 10, 30, -1)
+    assert len(np.unique(mean_shift_regions(image, 8, 20, 50))) == 2
+    assert len(np.unique(mean_shift_regions(image, 8, 20, 1000))) == 1
+
+
+@pytest.mark.parametrize('level', [0, 128, 255])
+def test_uniform_image_is_one_region(level):
+    assert (mean_shift_regions(np.full((48, 64), level, np.uint8), 15, 20, 50) == 1).all()
+
+
+@pytest.mark.parametrize('shape', [(3, 3), (5, 64), (48, 7)])
+def test_tiny_images_have_regions_too(shape):
+    image = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    regions = mean_shift_regions(image, 15, 20, 5)
+    assert regions.shape == shape
+    assert regions.min() >= 1

@@ -1,0 +1,254 @@
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rover_obstacle_detection import Detection, DetectorConfig, StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.messages.cloud import decode_cloud
+from rover_obstacle_detection.messages.header import make_header, stamp_ns
+from rover_obstacle_detection.messages.image import decode_float_image, decode_image
+from rover_obstacle_detection.messages.outputs import OUTPUTS
+from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
+from rover_obstacle_detection.pictures import (
+    overlay_picture,
+    regions_picture,
+    roughness_step_picture,
+    seeds_picture,
+)
+
+FACTORY = RosbagsFactory()
+HEADER = make_header(1_700_000_000_123_456_789, 'left_optical', FACTORY)
+SHAPE = (24, 32)
+CAMERA = StereoCamera(width=32, height=24, fx=40, fy=40, cx=15.5, cy=11.5, baseline_m=0.1)
+
+
+def detection(disparity=None, mask=None, known=None):
+    """Build a wall at 0.8 m, with a hole in its matches, and one obstacle on it."""
+    if disparity is None:
+        disparity = np.full(SHAPE, 5, np.float32)
+        disparity[:4], disparity[:, :6] = 0, 0
+    if mask is None:
+        mask = np.zeros(SHAPE, np.uint8)
+        mask[10:14, 10:20] = 255
+    rows = np.broadcast_to(np.arange(24, dtype=np.float32)[:, None], SHAPE)
+    return Detection(
+        camera=CAMERA,
+        config=DetectorConfig(min_range=0.5),
+        ground=GroundPlane(normal=(0, -1, 0), height_m=1.0, up=(0, -1, 0)),
+        products={
+            'grey': np.full(SHAPE, 90, np.uint8),
+            'disparity': disparity,
+            'regions': np.ones(SHAPE, np.int32),
+            'seeds': np.ones(SHAPE, bool),
+            'roughness': np.full(SHAPE, 0.01, np.float32),
+            'step': np.full(SHAPE, 0.02, np.float32),
+            'height': np.where(disparity > 0, rows / 100, np.nan).astype(np.float32),
+            'height_noise': np.full(SHAPE, 0.02, np.float32),
+            'cues': (mask > 0).astype(np.uint8),
+            'known': disparity > 0 if known is None else known,
+            'mask': mask,
+        },
+    )
+
+
+def encode(name, seen):
+    """Encode an output and pass it through serialisation, as any reader gets it."""
+    output = OUTPUTS[name]
+    message = output.encode(seen, HEADER, FACTORY)
+    raw = FACTORY.typestore.serialize_cdr(message, output.type_name)
+    return FACTORY.typestore.deserialize_cdr(raw, output.type_name)
+
+
+def test_the_table_has_the_topics_of_the_node():
+    assert {name: each.type_name for name, each in OUTPUTS.items()} == {
+        'obstacle_mask': 'sensor_msgs/msg/Image',
+        'obstacle_points': 'sensor_msgs/msg/PointCloud2',
+        'ground_points': 'sensor_msgs/msg/PointCloud2',
+        'disparity': 'stereo_msgs/msg/DisparityImage',
+        'obstacle_markers': 'visualization_msgs/msg/MarkerArray',
+        'detection_image': 'sensor_msgs/msg/Image',
+        'debug/known': 'sensor_msgs/msg/Image',
+        'debug/regions': 'sensor_msgs/msg/Image',
+        'debug/seeds': 'sensor_msgs/msg/Image',
+        'debug/roughness_step': 'sensor_msgs/msg/Image',
+    }
+
+
+@pytest.mark.parametrize('name', OUTPUTS)
+@pytest.mark.parametrize('empty', [False, True])
+def test_every_output_bears_the_header_also_when_nothing_was_seen(name, empty):
+    nothing = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8)
+    message = encode(name, detection(*nothing) if empty else detection())
+    header = message.markers[0].header if name == 'obstacle_markers' else message.header
+    assert stamp_ns(header) == 1_700_000_000_123_456_789
+    assert header.frame_id == 'left_optical'
+
+
+def test_mask_and_clouds_agree_pixel_for_point():
+    seen = detection()
+    mask = decode_image(encode('obstacle_mask', seen), 'mask')
+    np.testing.assert_array_equal(mask, seen.mask)
+    assert encode('obstacle_mask', seen).encoding == 'mono8'
+    matched = seen.disparity > 0
+    for name, where in (
+        ('obstacle_points', (mask == 255) & matched),
+        ('ground_points', (mask == 0) & matched),
+    ):
+        cloud = decode_cloud(encode(name, seen))
+        np.testing.assert_array_equal(cloud[:, :3], seen.points[where])
+        np.testing.assert_array_equal(cloud[:, 3], seen.height[where])
+        assert np.isfinite(cloud).all()
+        if name == 'obstacle_points':
+            np.testing.assert_array_equal(cloud[:, 4], np.float32(seen.obstacles[0].confidence))
+
+
+def test_clouds_name_their_fields():
+    seen = detection()
+    names = {
+        name: [field.name for field in encode(name, seen).fields]
+        for name in ('obstacle_points', 'ground_points')
+    }
+    assert names == {
+        'obstacle_points': ['x', 'y', 'z', 'height', 'confidence'],
+        'ground_points': ['x', 'y', 'z', 'height'],
+    }
+
+
+def test_known_pixels_are_told_from_unknown_ones():
+    seen = detection()
+    message = encode('debug/known', seen)
+    assert (message.encoding, message.width, message.height) == ('mono8', 32, 24)
+    assert bytes(message.data) == bytes(np.where(seen.known, 255, 0).astype(np.uint8))
+    assert 0 < np.count_nonzero(message.data) < message.data.size
+
+
+def test_unknown_pixels_are_in_neither_cloud():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[10:14, 10:20] = 255
+    known = np.ones(SHAPE, bool)
+    known[:, 15:] = False
+    seen = detection(mask=mask, known=known)
+    for name, where in (
+        ('obstacle_points', (mask == 255) & known & (seen.disparity > 0)),
+        ('ground_points', (mask == 0) & known & (seen.disparity > 0)),
+    ):
+        cloud = decode_cloud(encode(name, seen))
+        np.testing.assert_array_equal(cloud[:, :3], seen.points[where])
+
+
+def test_the_disparity_image_gives_depth_by_its_own_formula():
+    seen = detection()
+    message = encode('disparity', seen)
+    disparity = decode_float_image(message.image, 'disparity')
+    valid = disparity >= message.min_disparity
+    np.testing.assert_array_equal(valid, seen.disparity > 0)
+    depth = message.f * message.t / disparity[valid]
+    np.testing.assert_allclose(depth, seen.points[valid][:, 2], rtol=1e-6)
+    window = message.valid_window
+    assert (window.x_offset, window.y_offset, window.width, window.height) == (6, 4, 26, 20)
+    assert message.max_disparity == pytest.approx(40 * 0.1 / 0.5)
+    assert message.delta_d == 1 / 16
+
+
+def test_each_obstacle_is_a_box_around_its_points():
+    seen = detection()
+    clear, box, _ = encode('obstacle_markers', seen).markers
+    assert (clear.action, clear.ns) == (3, '')
+    points = decode_cloud(encode('obstacle_points', seen))[:, :3]
+    centre = np.array([getattr(box.pose.position, axis) for axis in 'xyz'])
+    size = np.array([getattr(box.scale, axis) for axis in 'xyz'])
+    assert (box.type, box.action, box.ns, box.id) == (1, 0, 'obstacles', 0)
+    np.testing.assert_allclose((centre - size / 2)[:2], points.min(axis=0)[:2], atol=1e-6)
+    np.testing.assert_allclose((centre + size / 2)[:2], points.max(axis=0)[:2], atol=1e-6)
+    assert centre[2] == pytest.approx(0.8)
+    assert size[2] == pytest.approx(0.01)
+    assert box.pose.orientation.w == 1
+    assert box.color.a == pytest.approx(0.1 + 0.5 * seen.obstacles[0].confidence)
+
+
+def test_each_box_says_above_it_how_sure_and_how_high_the_obstacle_is():
+    seen = detection()
+    _, box, label = encode('obstacle_markers', seen).markers
+    (obstacle,) = seen.obstacles
+    assert (label.type, label.action, label.ns, label.id) == (9, 0, 'labels', 0)
+    assert label.text == f'{obstacle.confidence:.2f}  0.13 m'
+    assert label.scale.z > 0.02
+    assert label.color.a == 1
+    assert label.pose.position.x == box.pose.position.x
+    assert label.pose.position.z == box.pose.position.z
+    top = box.pose.position.y - box.scale.y / 2
+    assert label.pose.position.y + label.scale.z / 2 < top < label.pose.position.y + 0.2
+
+
+def test_a_low_obstacle_has_a_label_without_its_height():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[4, 10:20] = 255
+    (obstacle,) = detection(mask=mask).obstacles
+    label = encode('obstacle_markers', detection(mask=mask)).markers[2]
+    assert label.text == f'{obstacle.confidence:.2f}'
+
+
+def test_the_surer_an_obstacle_the_more_solid_its_box():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[6:8, 8:10] = 255
+    mask[14:23, 8:24] = 255
+    made = detection(mask=mask)
+    probability = np.where(np.arange(SHAPE[0])[:, np.newaxis] < 10, 0.5, 0.99)
+    products = {'rock_probability': np.broadcast_to(probability, SHAPE).astype(np.float32)}
+    seen = replace(made, products={**made.products, **products})
+    large, small = seen.obstacles
+    boxes = encode('obstacle_markers', seen).markers[1:3]
+    assert large.confidence > small.confidence
+    assert boxes[0].color.a > boxes[1].color.a > 0
+
+
+def test_an_obstacle_without_3d_has_neither_box_nor_label():
+    seen = detection()
+    mask = seen.mask.copy()
+    mask[0:2, 0:2] = 255
+    assert len(detection(mask=mask).obstacles) == 2
+    assert len(encode('obstacle_markers', detection(mask=mask)).markers) == 3
+
+
+@pytest.mark.parametrize(
+    ('name', 'draw'),
+    [
+        ('detection_image', overlay_picture),
+        ('debug/regions', regions_picture),
+        ('debug/seeds', seeds_picture),
+        ('debug/roughness_step', roughness_step_picture),
+    ],
+)
+def test_pictures_are_published_as_they_are_drawn(name, draw):
+    message = encode(name, detection())
+    assert message.encoding == 'bgr8'
+    np.testing.assert_array_equal(decode_image(message, name), draw(detection()))
+
+
+@pytest.mark.filterwarnings('ignore:module .sre_:DeprecationWarning')
+@pytest.mark.parametrize('name', OUTPUTS)
+@pytest.mark.parametrize('empty', [False, True])
+def test_the_live_node_publishes_the_same_bytes_as_the_replay_writes(name, empty):
+    serialization = pytest.importorskip('rclpy.serialization', reason='needs the extra ros')
+    from rover_obstacle_detection.node.rclpy_factory import RclpyFactory
+
+    nothing = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8)
+    seen, output = detection(*nothing) if empty else detection(), OUTPUTS[name]
+    live_header = make_header(1_700_000_000_123_456_789, 'left_optical', RclpyFactory())
+    live = serialization.serialize_message(output.encode(seen, live_header, RclpyFactory()))
+    store = FACTORY.typestore
+    # What lies between the fields is left as it was in memory; reading and writing clears it.
+    live = store.serialize_cdr(store.deserialize_cdr(live, output.type_name), output.type_name)
+    written = store.serialize_cdr(output.encode(seen, HEADER, FACTORY), output.type_name)
+    assert bytes(live) == bytes(written)
+
+
+def test_the_offset_of_the_principal_points_is_taken_off_once():
+    seen = detection()
+    verged = dataclasses.replace(seen, camera=dataclasses.replace(CAMERA, cx_right=12.5))
+    disparity = decode_float_image(encode('disparity', verged).image, 'disparity')
+    assert disparity.max() == 5

@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.node.diagnostics import ERROR, OK, WARN, NodeState, Status, statuses
+from rover_obstacle_detection.node.pairing_watch import PairingWatch
+from rover_obstacle_detection.node.statistics import Snapshot
+from rover_obstacle_detection.pairing import PairingStatistics
+
+CAMERA = StereoCamera(width=64, height=48, fx=100.0, fy=100.0, cx=31.5, cy=23.5, baseline_m=0.1)
+COUNTS = Snapshot(
+    pair_rate_hz=10.0,
+    detection_rate_hz=4.0,
+    detected=40,
+    dropped=60,
+    lost=2,
+    bad={'ImageError': 1},
+    latency_p50_ms=81.25,
+    latency_p95_ms=99.0,
+    valid_share=0.963,
+    obstacle_share=0.0514,
+    rows_off_px=0.62,
+    lens_bend_px=0.25,
+)
+PAIRING = PairingStatistics(
+    left=103, right=102, pairs=101, unmatched_left=2, unmatched_right=1, pending_left=0,
+    pending_right=0, smallest_gap_ns=1_500_000,
+)  # fmt: skip
+GOOD = NodeState(
+    lifecycle='active',
+    listening=True,
+    counts=COUNTS,
+    pairing=PAIRING,
+    camera=CAMERA,
+    calibration_problem='',
+)
+
+
+def judged(**changes: Any) -> dict[str, Status]:
+    return {each.task: each for each in statuses(dataclasses.replace(GOOD, **changes))}
+
+
+def counted(**changes: Any) -> Snapshot:
+    return dataclasses.replace(COUNTS, **changes)
+
+
+def test_good_state_is_ok_with_all_values() -> None:
+    status = judged()
+
+    assert {each.level for each in status.values()} == {OK}
+    assert status['stereo input'].values == {
+        'pair rate (Hz)': '10.00',
+        'images lost on the way': '2',
+        'left images': '103',
+        'right images': '102',
+        'pairs': '101',
+        'unmatched left': '2',
+        'unmatched right': '1',
+        'smallest stamp gap (ms)': '1.500',
+    }
+    assert status['calibration'].message == 'calibrated'
+    assert status['calibration'].values['baseline (m)'] == '0.1000'
+    assert status['calibration'].values['rows off (px)'] == '0.62'
+    assert status['calibration'].values['lenses bend (px)'] == '0.25'
+    detection = status['detection'].values
+    assert (detection['latency p50 (ms)'], detection['latency p95 (ms)']) == ('81.2', '99.0')
+    assert (detection['dropped frames'], detection['bad frames']) == ('60', '1')
+    assert detection['bad frames: ImageError'] == '1'
+    assert detection['valid disparity (%)'] == '96.3'
+    assert detection['obstacles (% of pixels)'] == '5.1'
+
+
+@pytest.mark.parametrize(
+    ('changes', 'task', 'level', 'message'),
+    [
+        ({'listening': False}, 'detection', OK, 'resting'),
+        ({'listening': False}, 'stereo input', OK, 'resting'),
+        ({'lifecycle': 'inactive', 'pairing': None}, 'stereo input', OK, 'inactive'),
+        ({'camera': None, 'calibration_problem': 'P is zero'}, 'calibration', ERROR, 'P is zero'),
+        ({'counts': counted(pair_rate_hz=0.0)}, 'stereo input', WARN, 'no images'),
+        ({'pairing_problem': '9 left, 9 right'}, 'stereo input', WARN, '9 left, 9 right'),
+        ({'counts': counted(detection_rate_hz=0.0)}, 'detection', ERROR, 'none can be used'),
+        ({'counts': counted(valid_share=0.12)}, 'detection', WARN, 'only 12%'),
+        ({'gravity_problem': 'no IMU'}, 'detection', WARN, 'no IMU'),
+        ({'counts': counted(rows_off_px=1.2)}, 'calibration', WARN, 'rows 1.2 px off'),
+        ({'counts': counted(lens_bend_px=3.4)}, 'calibration', WARN, '3.4 px that look like lens'),
+        (
+            {'counts': counted(lens_bend_px=3.4), 'lifecycle': 'inactive'},
+            'calibration',
+            OK,
+            'calibrated',
+        ),
+    ],
+)
+def test_what_is_wrong_is_said(
+    changes: dict[str, Any], task: str, level: int, message: str
+) -> None:
+    status = judged(**changes)[task]
+
+    assert status.level == level
+    assert message in status.message
+
+
+def test_unknown_values_are_not_made_up() -> None:
+    nothing = counted(latency_p50_ms=None, latency_p95_ms=None, valid_share=None)
+    nothing = dataclasses.replace(nothing, rows_off_px=None, lens_bend_px=None)
+
+    values = judged(counts=nothing, pairing=None)['detection'].values
+
+    assert values['latency p50 (ms)'] == 'unknown'
+    assert values['valid disparity (%)'] == 'unknown'
+    calibration = judged(counts=nothing)['calibration']
+    assert calibration.values['rows off (px)'] == 'unknown'
+    assert calibration.level == OK
+
+
+class Images:
+    """Counts that a pairing would show."""
+
+    def __init__(self) -> None:
+        self.counts = dataclasses.replace(PAIRING, left=0, right=0, pairs=0)
+        self.watch = PairingWatch(patience_s=3.0)
+
+    def look(self, now_s: float, **more: int) -> str:
+        changes = {name: getattr(self.counts, name) + number for name, number in more.items()}
+        self.counts = dataclasses.replace(self.counts, **changes)
+        return self.watch.look(self.counts, now_s)
+
+
+def test_images_that_never_match_are_named_after_a_while() -> None:
+    images = Images()
+
+    lines = [images.look(float(second), left=10, right=10) for second in range(6)]
+
+    assert lines[:4] == [''] * 4
+    assert lines[4].startswith('40 left, 40 right, 0 pairs, smallest gap 1.5 ms; try approximate')
+
+
+def test_one_eye_only_is_named() -> None:
+    images = Images()
+
+    lines = [images.look(float(second), left=10) for second in range(6)]
+
+    assert lines[-1] == '50 left, 0 right, 0 pairs: nothing comes from the right eye'
+
+
+def test_pairs_and_silence_are_well() -> None:
+    images = Images()
+
+    assert not any(images.look(float(s), left=1, right=1, pairs=1) for s in range(10))
+    assert not any(images.look(10.0 + s) for s in range(10))

@@ -1,0 +1,196 @@
+"""The worker on its own: no ROS, a detector that does as it is told."""
+
+from __future__ import annotations
+
+import threading
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rover_obstacle_detection.node.worker as module
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
+from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
+from rover_obstacle_detection.node.calibration import LiveCalibration
+from rover_obstacle_detection.node.settings import Settings
+from rover_obstacle_detection.node.statistics import NodeStatistics
+
+SHAPE = (12, 16)
+
+
+def info(*, right: bool = False) -> Any:
+    p = [10.0, 0, 7.5, -1.0 if right else 0, 0, 10.0, 5.5, 0, 0, 0, 1, 0]
+    roi = SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0)
+    return SimpleNamespace(width=16, height=12, p=p, binning_x=0, binning_y=0, roi=roi)
+
+
+def image() -> Any:
+    return SimpleNamespace(
+        header=object(), encoding='mono8', width=16, height=12, step=16, is_bigendian=0,
+        data=np.zeros(SHAPE, np.uint8).tobytes(),
+    )  # fmt: skip
+
+
+class Detections:
+    """Takes the place of Detector: each `detect` waits until the test lets it go on."""
+
+    def __init__(self) -> None:
+        self.made: list[DetectorConfig] = []
+        self.entered = threading.Semaphore(0)
+        self.go_on = threading.Semaphore(0)
+        self.failures: list[Exception] = []
+
+    def __call__(self, camera: Any, config: DetectorConfig, rover_mask: Any) -> Detections:
+        self.made.append(config)
+        return self
+
+    def detect(self, left: Any, right: Any, *, gravity: Any) -> Any:
+        self.entered.release()
+        assert self.go_on.acquire(timeout=30)
+        if self.failures:
+            raise self.failures.pop()
+        return SimpleNamespace(
+            disparity=np.ones(SHAPE),
+            mask=np.zeros(SHAPE, np.uint8),
+            alignment=RowAlignment(0.5),
+            lenses=Lenses(LensDistortion(0.01)),
+        )
+
+
+class Bench:
+    """A worker with everything around it."""
+
+    def __init__(self) -> None:
+        self.settings = Settings.from_values({})
+        self.calibration = LiveCalibration('/left/info', '/right/info')
+        self.statistics = NodeStatistics()
+        self.warnings: list[str] = []
+        self.published: list[Any] = []
+        self.done = threading.Semaphore(0)
+        sources = module.Sources(
+            settings=lambda: self.settings,
+            gravity=lambda header: None,
+            topics=lambda: ('/left', '/right'),
+        )
+        self.worker = module.DetectionWorker(
+            sources,
+            calibration=self.calibration,
+            outputs=self,
+            statistics=self.statistics,
+            warn=self._warn,
+        )
+
+    def calibrate(self) -> None:
+        self.calibration.take(0, info())
+        self.calibration.take(1, info(right=True))
+
+    def submit(self) -> Any:
+        left = image()
+        self.worker.submit(module.ImagePair(left, image(), 0.0))
+        return left.header
+
+    def publish(self, detection: Any, header: Any) -> None:
+        self.published.append(header)
+        self.done.release()
+
+    def _warn(self, line: str) -> None:
+        self.warnings.append(line)
+        self.done.release()
+
+
+@pytest.fixture
+def detections(monkeypatch: pytest.MonkeyPatch) -> Detections:
+    detections = Detections()
+    monkeypatch.setattr(module, 'Detector', detections)
+    return detections
+
+
+@pytest.fixture
+def bench(detections: Detections) -> Any:
+    bench = Bench()
+    yield bench
+    detections.go_on.release(100)
+    bench.worker.stop()
+
+
+def test_newest_pair_is_next_and_the_others_are_counted(
+    bench: Bench, detections: Detections
+) -> None:
+    bench.calibrate()
+    first = bench.submit()
+    assert detections.entered.acquire(timeout=30)
+    headers = [bench.submit() for _ in range(4)]
+    detections.go_on.release(2)
+    assert bench.done.acquire(timeout=30)
+    assert bench.done.acquire(timeout=30)
+
+    assert bench.published == [first, headers[-1]]
+    assert bench.statistics.snapshot().dropped == 3
+    assert bench.statistics.snapshot().rows_off_px == 0.5
+    assert bench.statistics.snapshot().lens_bend_px > 0
+
+
+def test_changed_settings_hold_from_the_next_pair(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+    detections.go_on.release(3)
+    for max_step in (0.1, 0.1, 0.3):
+        if max_step != bench.settings.config.max_step:
+            bench.settings = Settings.from_values({'max_step': max_step})
+        bench.submit()
+        assert bench.done.acquire(timeout=30)
+
+    assert [config.max_step for config in detections.made] == [0.1, 0.3]
+
+
+def test_error_in_the_detector_costs_one_pair(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+    detections.failures.append(ZeroDivisionError('unforeseen'))
+    detections.go_on.release(2)
+
+    bench.submit()
+    assert bench.done.acquire(timeout=30)
+    good = bench.submit()
+    assert bench.done.acquire(timeout=30)
+
+    assert bench.published == [good]
+    assert 'ZeroDivisionError: unforeseen' in bench.warnings[0]
+    assert bench.statistics.snapshot().bad == {'ZeroDivisionError': 1}
+
+
+def test_calibration_that_comes_a_little_late_is_waited_for(
+    bench: Bench, detections: Detections, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, 'CALIBRATION_PATIENCE_S', 30.0)
+    detections.go_on.release()
+
+    header = bench.submit()
+    bench.calibrate()
+
+    assert bench.done.acquire(timeout=30)
+    assert bench.published == [header]
+
+
+def test_no_calibration_is_said_and_counted(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, 'CALIBRATION_PATIENCE_S', 0.0)
+
+    bench.submit()
+    assert bench.done.acquire(timeout=30)
+
+    assert bench.warnings[0].startswith('no calibration: nothing came on /left/info')
+    assert bench.statistics.snapshot().bad == {'no calibration': 1}
+
+
+def test_stop_waits_for_the_detection_that_runs(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+    header = bench.submit()
+    assert detections.entered.acquire(timeout=30)
+    stopping = threading.Thread(target=bench.worker.stop)
+    stopping.start()
+
+    detections.go_on.release()
+    stopping.join(30)
+
+    assert not stopping.is_alive()
+    assert bench.published == [header]

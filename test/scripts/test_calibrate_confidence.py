@@ -1,0 +1,173 @@
+"""The script that fits the confidence."""
+
+from __future__ import annotations
+
+import runpy
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_obstacle_detection.detection.config import METHODS
+from rover_obstacle_detection.detection.result.confidence import (
+    FEATURES,
+    STRENGTHEN,
+    WEAKEN,
+    logistic,
+)
+from rover_obstacle_detection.detection.result.confidence_coefficients import COEFFICIENTS
+
+ROOT = Path(__file__).parents[2]
+SAMPLE_BAG = ROOT / 'bags' / 'mars_yard'
+
+
+@pytest.fixture(scope='module')
+def script():
+    names = runpy.run_path(str(ROOT / 'scripts' / 'calibrate_confidence.py'))
+    return SimpleNamespace(names=names, **names)
+
+
+def column(name):
+    return FEATURES.index(name)
+
+
+def samples(script, weights, count=20000, scenes=1):
+    """Obstacles that are real as often as the weights say."""
+    random = np.random.default_rng(5)
+    features = random.normal(2, 1, (count, len(FEATURES)))
+    features[:, 0] = 1
+    features[:, column('roughness_step_share')] = 0
+    real = random.random(count) < logistic(features @ weights)
+    return [
+        script.Sample(f'tune_{index}', 'as recorded', features[index::scenes], real[index::scenes])
+        for index in range(scenes)
+    ]
+
+
+def weights_of(**given):
+    return np.array([given.get(name, 0.0) for name in FEATURES])
+
+
+TRUE = weights_of(
+    intercept=-1, log_excess=0.7, log_pixels=0.5, log_raggedness=-0.8, region_share=-0.3
+)
+
+
+def test_the_fit_finds_the_weights_that_made_the_data(script):
+    found = script.fit(samples(script, TRUE), ridge=1)
+    assert found == pytest.approx(TRUE, abs=0.1)
+
+
+def test_a_feature_that_never_varies_has_no_weight(script):
+    found = script.fit(samples(script, TRUE), ridge=1)
+    assert found[column('roughness_step_share')] == 0
+
+
+def test_the_mean_confidence_is_the_share_that_is_real(script):
+    fitted = samples(script, TRUE, 500)
+    judged = script.judged(fitted, script.fit(fitted))
+    assert judged.confidence.mean() == pytest.approx(judged.real.mean(), abs=1e-6)
+
+
+def test_weights_of_the_wrong_sign_are_left_out(script):
+    against = weights_of(intercept=1, log_excess=-0.8, log_raggedness=0.6, slope_share=-0.5)
+    found = script.fit(samples(script, against), ridge=1)
+    assert found[column('log_excess')] == found[column('log_raggedness')] == 0
+    assert found[column('slope_share')] == pytest.approx(-0.5, abs=0.1)
+    assert all(found[column(name)] >= 0 for name in STRENGTHEN)
+    assert all(found[column(name)] <= 0 for name in WEAKEN)
+
+
+def test_a_ridge_keeps_separable_data_from_endless_weights(script):
+    features = np.ones((20, len(FEATURES)))
+    features[:10, 2] = 5
+    separable = [script.Sample('tune_a', 'as recorded', features, np.arange(20) < 10)]
+    judged = script.judged(separable, script.fit(separable, ridge=1))
+    assert np.isfinite(judged.confidence).all()
+    assert judged.confidence[0] > 0.8 > 0.2 > judged.confidence[-1]
+
+
+def test_each_scene_is_judged_by_a_fit_to_the_others(script):
+    apart = samples(script, TRUE, 3000, scenes=3)
+    expected = [
+        logistic(own.features @ script.fit([each for each in apart if each is not own]))
+        for own in apart
+    ]
+    judged = script.judged_by_others(apart)
+    assert judged.confidence == pytest.approx(np.concatenate(expected))
+    np.testing.assert_array_equal(judged.real, np.concatenate([each.real for each in apart]))
+
+
+@pytest.mark.parametrize('dtype', [np.uint8, np.uint16])
+@pytest.mark.parametrize('shape', [(20, 30), (20, 30, 3)])
+def test_variations_keep_what_an_image_is_and_change_what_it_shows(script, dtype, shape):
+    random = np.random.default_rng(1)
+    full = np.iinfo(dtype).max
+    left = random.integers(0, full, shape).astype(dtype)
+    right = random.integers(0, full, shape).astype(dtype)
+    before = left.copy(), right.copy()
+    for name, vary in script.VARIATIONS.items():
+        varied = vary(left, right, np.random.default_rng(2))
+        same = [np.array_equal(one, other) for one, other in zip(varied, before, strict=True)]
+        assert [image.shape for image in varied] == [shape, shape]
+        assert [image.dtype for image in varied] == [dtype, dtype]
+        assert all(same) == (name == 'as recorded')
+        again = vary(left, right, np.random.default_rng(2))
+        np.testing.assert_array_equal(varied[1], again[1])
+    np.testing.assert_array_equal(left, before[0])
+
+
+def test_a_shift_moves_the_picture_down(script):
+    image = np.zeros((10, 8), np.uint8)
+    image[4] = 100
+    np.testing.assert_array_equal(script.shifted(image, 2.0)[6], 100)
+    np.testing.assert_array_equal(script.shifted(image, 0.5)[4:6], 50)
+
+
+def test_the_file_holds_every_method_and_is_the_one_in_the_package(script):
+    text = script.file_text(COEFFICIENTS)
+    assert text == script.COEFFICIENTS_FILE.read_text()
+    changed = {**COEFFICIENTS, 'study': script.by_name(np.arange(len(FEATURES)) - 0.00001)}
+    names = {}
+    exec(script.file_text(changed), names)
+    assert names['COEFFICIENTS'] == {
+        'hybrid': COEFFICIENTS['hybrid'],
+        'study': {name: float(index) for index, name in enumerate(FEATURES)},
+    }
+    assert set(names['COEFFICIENTS']) == set(METHODS)
+    assert '-0.0,' not in script.file_text(changed)
+
+
+def test_recordings_in_tables_out(script, tmp_path, monkeypatch, capsys):
+    few = {name: script.VARIATIONS[name] for name in ('as recorded', 'dark')}
+    monkeypatch.setitem(script.names['main'].__globals__, 'VARIATIONS', few)
+    copy = tmp_path / 'coefficients.py'
+    copy.write_text(script.COEFFICIENTS_FILE.read_text())
+    monkeypatch.setitem(script.names['main'].__globals__, 'COEFFICIENTS_FILE', copy)
+    bags = [tmp_path / name for name in ('tune_yard', 'report_yard', 'tune_broken')]
+    for bag in bags[:2]:
+        shutil.copytree(SAMPLE_BAG, bag)
+    bags[2].mkdir()
+
+    script.main([*map(str, bags), '--write'])
+
+    output = capsys.readouterr()
+    assert 'hybrid, 1 fitted scenes, with all variations' in output.out
+    assert 'hybrid, 1 reported scenes' in output.out
+    assert output.out.count('| 0.9 to 1 |') == 4
+    assert 'tune_broken' in output.err
+    names = {}
+    exec(copy.read_text(), names)
+    printed = {line.split()[0]: line.split()[-1] for line in output.out.splitlines() if line}
+    for name, value in names['COEFFICIENTS']['hybrid'].items():
+        assert value == pytest.approx(float(printed[name]), abs=1e-4)
+    assert names['COEFFICIENTS']['study'] == COEFFICIENTS['study']
+
+
+def test_without_tuning_scenes_there_is_nothing_to_fit(script, tmp_path, capsys):
+    with pytest.raises(SystemExit) as error:
+        script.main([str(tmp_path / 'report_a')])
+    assert error.value.code == 2
+    assert 'every recording is named report_ or drawn_' in capsys.readouterr().err

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from rover_obstacle_detection.simulation.presets import scene_of
+from rover_obstacle_detection.simulation.rigs import RIGS
+from rover_obstacle_detection.simulation.suite import load_suite
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def scripts(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / 'scripts'))
+
+
+@pytest.mark.parametrize(('suite', 'prefix'), [('drawn', 'drawn'), ('training', 'train')])
+def test_the_suites_hold_what_the_script_draws(suite, prefix):
+    from draw_scenes import drawn_scene
+
+    scenes = [scene for scene in load_suite(suite) if scene.seed >= 2000]
+    assert len(scenes) > 20
+    for scene in scenes[::5]:
+        assert scene == scene_of(**drawn_scene(scene.seed, prefix))
+
+
+def test_reported_scenes_share_no_seed_with_those_trained_on():
+    reported = {scene.seed for scene in load_suite('drawn')}
+    for suite in ('training', 'standard', 'samples'):
+        assert not reported & {scene.seed for scene in load_suite(suite)}
+
+
+def test_rigs_differ_from_those_that_have_a_name():
+    for scene in load_suite('drawn'):
+        rig, named = scene.rig_used(), RIGS[scene.rig]
+        assert rig.baseline_m != named.baseline_m
+        assert rig.horizontal_view_deg != named.horizontal_view_deg
+        assert 0.6 < rig.camera_height_m / named.camera_height_m < 1.5
+
+
+def test_lines_are_a_suite(monkeypatch, capsys, tmp_path):
+    import draw_scenes
+
+    monkeypatch.setattr(sys, 'argv', ['x', '7', '3', '--prefix', 'mine'])
+    draw_scenes.main()
+    path = tmp_path / 'mine.yaml'
+    path.write_text('scenes:\n' + capsys.readouterr().out)
+    assert [scene.seed for scene in load_suite(str(path))] == [7, 8, 9]
+    assert all(scene.name.startswith('mine_') for scene in load_suite(str(path)))

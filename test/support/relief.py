@@ -1,0 +1,112 @@
+"""Disparity of ground whose height is a function of the place, as an eye over it sees it.
+
+World frame as in `synthetic`: x right, y forward, z up, the origin under the left eye at z = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from synthetic import pinhole
+
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
+from rover_obstacle_detection.detection.terrain.survey import survey
+
+CAMERA = pinhole(200, 150, 60.0, 0.15)
+
+Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Eye:
+    """Where the left eye is; its height is over z = 0."""
+
+    camera: StereoCamera = CAMERA
+    pitch_deg: float = 30.0
+    height_m: float = 1.2
+    roll_deg: float = 0.0
+
+    @property
+    def up(self) -> tuple[float, float, float]:
+        return Gravity.from_angles(self.pitch_deg, self.roll_deg).up
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Unit vectors of x, y and z in the left optical frame, as rows."""
+        up = np.asarray(self.up)
+        across = np.array([1.0, 0.0, 0.0]) - up * up[0]
+        across /= np.linalg.norm(across)
+        return np.stack((across, np.cross(up, across), up))
+
+    @property
+    def level_ground(self) -> GroundPlane:
+        return GroundPlane(self.up, self.height_m, self.up)
+
+    def expected(self, ground: GroundPlane | None = None) -> np.ndarray:
+        plane = DisparityPlane.from_ground(ground or self.level_ground, self.camera)
+        return plane.disparity(self.camera)
+
+    def look(self, height: Height, farthest_m=40.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Disparity of each pixel and the place x, y that it shows; 0 where it sees no ground."""
+        x_over_z, y_over_z = self.camera.rays()
+        rays = np.stack(np.broadcast_arrays(x_over_z, y_over_z, np.float32(1)), axis=-1)
+        x_step, y_step, z_step = np.moveaxis(rays @ self.axes.T, -1, 0)
+        nearest, over = np.zeros(self.camera.shape), np.full(self.camera.shape, self.height_m)
+        depth = np.zeros(self.camera.shape)
+        for farther in np.geomspace(0.1, farthest_m, 500):
+            z = self.height_m + farther * z_step - height(farther * x_step, farther * y_step)
+            landed = (depth == 0) & (z <= 0)
+            share = over / np.where(landed, over - z, 1)
+            depth[landed] = (nearest + share * (farther - nearest))[landed]
+            nearest, over = np.full_like(nearest, farther), z
+        seen = depth > 0
+        disparity = np.zeros(self.camera.shape, np.float32)
+        disparity[seen] = self.camera.disparity_at(1.0) / depth[seen]
+        return disparity, depth * x_step, depth * y_step
+
+    def survey(self, height: Height, noise_px=0.05, ground=None, layered=True, **config):
+        """Survey the ground seen without any error, and the place that each pixel shows."""
+        disparity, x, y = self.look(height)
+        ground = ground or self.level_ground
+        noise = np.full_like(disparity, noise_px)
+        expected = self.expected(ground)
+        settings = DetectorConfig(**config)
+        terrain = survey(
+            disparity, noise, expected, self.camera, ground, settings, layered=layered
+        )
+        return terrain, disparity, x, y
+
+
+def flat(x, y):
+    return 0 * x
+
+
+def tilted(rise_x=0.0, rise_y=0.0) -> Height:
+    return lambda x, y: rise_x * x + rise_y * y
+
+
+def bank(angle_deg, start_m, softness_m=0.0) -> Height:
+    """Level ground that rises (or falls) from a distance on, over the softness to either side."""
+    rise = np.tan(np.radians(angle_deg))
+
+    def height(x, y):
+        if not softness_m:
+            return rise * np.maximum(y - start_m, 0)
+        return rise * softness_m * np.logaddexp(0, (y - start_m) / softness_m)
+
+    return height
+
+
+def block(x, y, size_m, height_m) -> Height:
+    """An upright block (or hole), its centre at a place."""
+    half = size_m / 2
+    return lambda at_x, at_y: height_m * (np.maximum(abs(at_x - x), abs(at_y - y)) < half)
+
+
+def together(*heights: Height) -> Height:
+    return lambda x, y: sum(height(x, y) for height in heights)
