@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_obstacle_detection import Detection, DetectorConfig, StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.messages.cloud import decode_cloud
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.image import decode_float_image, decode_image

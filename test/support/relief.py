@@ -13,8 +13,8 @@ from synthetic import pinhole
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import Gravity, GroundPlane
-from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.terrain.survey import survey
 
 CAMERA = pinhole(200, 150, 60.0, 0.15)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.rectification.lens_distortion import (
     STRAIGHT_LENSES,

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import Gravity, GroundPlane
-from rover_obstacle_detection.detection.geometry.ground_plane import (
-    DisparityPlane,
-    estimate_ground,
-)
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.geometry.noise import DISPARITY_NOISE_PX
+from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.image_noise import (
     gradient_level,

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
-from rover_obstacle_detection.detection.geometry.ground_plane import estimate_ground
 from rover_obstacle_detection.detection.geometry.noise import (
     DISPARITY_NOISE_PX,
     WINDOW_NOISE_PX,
     height_noise_m,
 )
+from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.regions.grey_level import dark_regions

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 
 Grid = NDArray[np.float32]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.images.components import top_heights
 from rover_obstacle_detection.detection.terrain.elevation_map import cell_means, sample_map
 from rover_obstacle_detection.detection.terrain.gradient import ground_height, ground_rise

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.noise import SHARED_PIXELS
 from rover_obstacle_detection.detection.terrain.elevation_map import ground_axes
 from rover_obstacle_detection.detection.terrain.survey import Layer

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
-from rover_obstacle_detection.detection.geometry.ground_plane import fit_ground_plane
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.noise import DISPARITY_NOISE_PX
+from rover_obstacle_detection.detection.geometry.plane_fit import fit_ground_plane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.stereo.semi_global import Penalties, plain_disparity

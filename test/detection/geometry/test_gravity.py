@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_obstacle_detection.detection.geometry.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,9 @@ from hypothesis import strategies as st
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import Gravity, GroundPlane
-from rover_obstacle_detection.detection.geometry.ground_plane import (
-    DisparityPlane,
-    estimate_ground,
-    fit_ground_plane,
-)
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground, fit_ground_plane
 
 CAMERA = StereoCamera(160, 120, 100.0, 104.0, 79.5, 59.5, 0.12)
 NOISE_PX = 0.1

@@ -5,7 +5,7 @@ import pytest
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection
 
 CAMERA = StereoCamera(4, 2, 10.0, 10.0, 1.0, 1.0, 0.5)

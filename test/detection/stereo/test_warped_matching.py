@@ -6,8 +6,7 @@ import synthetic
 import waves
 
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.geometry.gravity import GroundPlane
-from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.rectification.lens_distortion import (
     STRAIGHT_LENSES,
     LensDistortion,

@@ -7,7 +7,8 @@ import pytest
 from relief import Eye, bank, block, flat, tilted, together
 
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.geometry.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain.elevation_map import map_positions
 from rover_obstacle_detection.detection.terrain.hazards import (
     impassable_ground,

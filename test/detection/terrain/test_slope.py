@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.geometry.gravity import Gravity, GroundPlane
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain.gradient import Rise
 from rover_obstacle_detection.detection.terrain.slope import (
     dropped_cells,
