@@ -1,0 +1,60 @@
+"""The README's picture is what the detector draws."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.bags.stereo import read_pairs
+from rover_obstacle_detection.pictures import RED
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def script(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / 'scripts'))
+    import make_readme_picture
+
+    return make_readme_picture
+
+
+@pytest.fixture
+def left_image(script):
+    with open_bag(script.BAG) as bag:
+        return next(read_pairs(bag, bag.stereo_topics())).left
+
+
+def test_obstacles_are_drawn_in_red_over_the_left_image(script, left_image, tmp_path):
+    output = tmp_path / 'overlay.png'
+    detection = script.draw(script.BAG, output)
+    picture = cv2.imread(str(output))
+    height, width = left_image.shape[:2]
+    assert picture.shape[1] == width
+    assert height < picture.shape[0] < 1.1 * height, 'the key is a strip below the image'
+
+    obstacle = detection.mask > 0
+    assert 0.02 < obstacle.mean() < 0.5
+    # The outline is black and red, three pixels to each side of the border.
+    inside = cv2.erode(detection.mask, np.ones((7, 7), np.uint8)) > 0
+    tinted = 0.6 * left_image[inside] + 0.4 * np.array(RED)
+    as_expected = (np.abs(picture[:height][inside] - tinted) <= 1).all(axis=-1)
+    assert as_expected.mean() > 0.9, 'only labels cover tinted pixels'
+    changed = (picture[:height] != left_image).any(axis=-1)
+    free = detection.known & ~obstacle
+    assert changed[free].mean() < 0.1, 'only labels and outlines reach into free ground'
+
+
+def test_command_line_writes_the_same_picture_each_time(script, monkeypatch, tmp_path):
+    written = []
+    for name in ('one.png', 'two.png'):
+        monkeypatch.setattr(sys, 'argv', ['make_readme_picture.py', str(tmp_path / name)])
+        script.main()
+        written.append((tmp_path / name).read_bytes())
+    assert written[0] == written[1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['one.png', 'two.png']
