@@ -1,1 +1,1 @@
-"""ROS messages to arrays and back, for the messages of rclpy and of rosbags alike."""
+"""Convert between ROS messages and arrays, for both rclpy and rosbags messages."""

@@ -1,4 +1,4 @@
-"""Camera calibrations: from ROS calibration files and from ``sensor_msgs/CameraInfo``."""
+"""Read camera calibrations from ROS YAML files and ``sensor_msgs/CameraInfo`` messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rover_obstacle_detection.errors import CameraError
 
 @dataclass(frozen=True)
 class CameraInfo:
-    """What ``sensor_msgs/CameraInfo`` says of one eye, free of any message library.
+    """The content of a ``sensor_msgs/CameraInfo``, independent of the message library.
 
     Parameters
     ----------
@@ -26,9 +26,9 @@ class CameraInfo:
     d : tuple of float
         Distortion coefficients.
     k, r : tuple of 9 float
-        Intrinsic and rectification matrix, row by row.
+        Intrinsic and rectification matrices, row-major.
     p : tuple of 12 float
-        Projection matrix of the rectified image, row by row.
+        Projection matrix of the rectified image, row-major.
     binning_x, binning_y : int
     roi : RegionOfInterest, optional
     """
@@ -70,12 +70,18 @@ class CameraInfo:
 
 @dataclass(frozen=True)
 class StereoCalibration:
-    """The calibrations of both eyes, and where they come from: files or topics.
+    """The calibrations of both cameras and their source.
+
+    Parameters
+    ----------
+    left, right : CameraInfo
+    source : str
+        The files or topics they come from, for error messages.
 
     Raises
     ------
     CameraError
-        With the source in front, if the two do not make a stereo camera.
+        If the two calibrations do not form a stereo camera. The message starts with the source.
     """
 
     left: CameraInfo
@@ -96,12 +102,12 @@ class StereoCalibration:
 
 
 def load_camera_info(path: str | Path) -> CameraInfo:
-    """Read a calibration file of ROS's camera_calibration or camera_info_manager.
+    """Read a YAML file written by ROS's camera_calibration or camera_info_manager.
 
     Raises
     ------
     CameraError
-        Naming the file and, where one is missing or wrong, the key.
+        Naming the file and the missing or invalid key.
     """
     path = Path(path)
     try:
@@ -134,24 +140,13 @@ def load_stereo_calibration(left_yaml: str | Path, right_yaml: str | Path) -> St
     Raises
     ------
     CameraError
-        Naming the file and key, or what the two contradict each other in.
+        Naming the file and key, or the values in which the two files disagree.
     """
     return StereoCalibration(
         load_camera_info(left_yaml),
         load_camera_info(right_yaml),
         f'{left_yaml} and {right_yaml}',
     )
-
-
-def load_stereo_camera(left_yaml: str | Path, right_yaml: str | Path) -> StereoCamera:
-    """Read the two calibration files of a stereo camera whose images are rectified.
-
-    Raises
-    ------
-    CameraError
-        Naming the file and key, or what the two contradict each other in.
-    """
-    return load_stereo_calibration(left_yaml, right_yaml).camera
 
 
 def _size(content: dict[str, Any], key: str, path: Path) -> int:
@@ -173,7 +168,7 @@ def _numbers(
     try:
         numbers = tuple(float(value) for value in data)
     except (TypeError, ValueError):
-        msg = f'{path}: {key} holds something else than numbers: {data}'
+        msg = f'{path}: {key} contains a value that is not a number: {data}'
         raise CameraError(msg) from None
     if count is not None and len(numbers) != count:
         msg = f'{path}: {key} has {len(numbers)} numbers: expected {count}'

@@ -1,4 +1,4 @@
-"""Points with their height above ground to ``sensor_msgs/PointCloud2`` and back."""
+"""Encode and decode ``sensor_msgs/PointCloud2``."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.messages.factory import MessageFactory
 
 FIELDS = ('x', 'y', 'z', 'height', 'confidence')
-"""Names of the fields, in order; a cloud may do without the last."""
+"""Field names in order; ground clouds have no confidence."""
 
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 
 
 def encode_cloud(points: NDArray[np.float32], header: Any, factory: MessageFactory) -> Any:
-    """Make an unorganised, unpadded, little-endian ``sensor_msgs/PointCloud2``.
+    """Encode points as an unorganised, unpadded, little-endian ``sensor_msgs/PointCloud2``.
 
     Parameters
     ----------
     points : ndarray of float32, shape (n, 4) or (n, 5)
-        x, y, z and height, metres, and confidence, all finite: Nav2 walks the data by
-        ``point_step`` and does not guard against NaN. ``n`` may be 0.
+        x, y, z, height (m) and optionally confidence. All values must be finite, because
+        Nav2 does not check for NaN. ``n`` may be 0.
     header : std_msgs/Header
     factory : MessageFactory
     """
@@ -50,12 +50,12 @@ def encode_cloud(points: NDArray[np.float32], header: Any, factory: MessageFacto
 
 
 def decode_cloud(message: Any) -> NDArray[np.float32]:
-    """Read a ``sensor_msgs/PointCloud2`` whose fields are all float32.
+    """Decode a ``sensor_msgs/PointCloud2`` whose fields are all float32.
 
     Returns
     -------
     ndarray of float32, shape (n, k)
-        One row a point, one column a field, in the message's order.
+        One row per point, one column per field in message order.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A detection's disparity as ``stereo_msgs/DisparityImage``."""
+"""Encode the disparity of a detection as ``stereo_msgs/DisparityImage``."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from rover_obstacle_detection.messages.encodings import FLOAT_ENCODING
 from rover_obstacle_detection.messages.factory import MessageFactory
 from rover_obstacle_detection.messages.image import encode_image
 
-_INVALID = np.float32(-1)
-_STEP = 1 / 16
+# Below min_disparity, which is how the message marks a pixel without a match.
+_INVALID_PX = np.float32(-1)
+# SGBM's subpixel resolution.
+_STEP_PX = 1 / 16
 
 
 def encode_disparity(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-    """Make a ``stereo_msgs/DisparityImage``: ``Z = f T / d``.
+    """Make a ``stereo_msgs/DisparityImage``, in which depth is ``Z = f T / d``.
 
-    The disparity of infinity is taken off, as the message asks for; pixels without a match are
-    -1, below ``min_disparity``, which is how the message marks them.
+    The disparity of a point at infinity is already subtracted. Pixels without a match are -1.
 
     Parameters
     ----------
@@ -34,18 +35,20 @@ def encode_disparity(detection: Detection, header: Any, factory: MessageFactory)
     return factory.make(
         'stereo_msgs/msg/DisparityImage',
         header=header,
-        image=encode_image(np.where(valid, disparity, _INVALID), FLOAT_ENCODING, header, factory),
+        image=encode_image(
+            np.where(valid, disparity, _INVALID_PX), FLOAT_ENCODING, header, factory
+        ),
         f=float(camera.fx),
         t=float(camera.baseline_m),
         valid_window=factory.make('sensor_msgs/msg/RegionOfInterest', **_window(valid)),
         min_disparity=0.0,
         max_disparity=max(nearest, float(disparity.max())),
-        delta_d=_STEP,
+        delta_d=_STEP_PX,
     )
 
 
 def _window(valid: NDArray[np.bool_]) -> dict[str, int]:
-    """Bounding box of the pixels with a match."""
+    """Return the bounding box of the matched pixels."""
     columns, rows = np.flatnonzero(valid.any(axis=0)), np.flatnonzero(valid.any(axis=1))
     if not columns.size:
         return {}

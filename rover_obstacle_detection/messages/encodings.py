@@ -1,4 +1,4 @@
-"""The pixel encodings of ``sensor_msgs/image_encodings`` that this package understands."""
+"""The supported pixel encodings of ``sensor_msgs/image_encodings``."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import DTypeLike
 
 @dataclass(frozen=True)
 class Encoding:
-    """How an encoding lies in memory, and what makes it grey or BGR.
+    """Memory layout of an encoding and its conversion to grey or BGR.
 
     Parameters
     ----------
     dtype : dtype
-        Type of one channel, in native byte order.
+        Type of one channel, native byte order.
     channels : int
     conversion : int, optional
-        OpenCV's colour conversion to BGR (of 16-bit mosaics: to grey).
+        OpenCV colour conversion code: to BGR, or to grey for 16-bit Bayer mosaics.
     """
 
     dtype: DTypeLike
@@ -28,7 +28,7 @@ class Encoding:
 
     @property
     def pixel_bytes(self) -> int:
-        """Size of one pixel, bytes."""
+        """Size of one pixel (bytes)."""
         return np.dtype(self.dtype).itemsize * self.channels
 
 

@@ -1,4 +1,4 @@
-"""How a message is made, whichever library its class comes from."""
+"""Interface for making messages with either message library."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Any, Protocol
 class MessageFactory(Protocol):
     """Makes messages of one library.
 
-    The functions of this package give it numbers as Python numbers, texts, nested messages that
-    the same factory made, sequences of them as lists, and numeric sequences as contiguous
-    one-dimensional arrays of the field's type (bytes: uint8).
+    Field values are Python numbers, strings, messages from the same factory, or lists of such
+    messages. Numeric sequences are contiguous one-dimensional arrays of the field's type.
     """
 
     def make(self, type_name: str, **fields: Any) -> Any:
@@ -19,8 +18,8 @@ class MessageFactory(Protocol):
         Parameters
         ----------
         type_name : str
-            Such as ``sensor_msgs/msg/Image``.
+            For example ``sensor_msgs/msg/Image``.
         **fields
-            The fields that are not zero, empty or default.
+            Field values; fields not given keep their default.
         """
         ...

@@ -1,4 +1,4 @@
-"""Stamps and headers."""
+"""Read and make ``std_msgs/Header``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ NANOSECONDS_PER_SECOND = 1_000_000_000
 
 
 def stamp_ns(header: Any) -> int:
-    """Stamp of a ``std_msgs/Header`` in nanoseconds."""
+    """Return the stamp of a ``std_msgs/Header`` (ns)."""
     stamp = header.stamp
     return int(stamp.sec) * NANOSECONDS_PER_SECOND + int(stamp.nanosec)
 

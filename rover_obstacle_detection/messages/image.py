@@ -1,4 +1,4 @@
-"""``sensor_msgs/Image`` and ``CompressedImage`` to arrays and back, without cv_bridge."""
+"""Decode ``sensor_msgs/Image`` and ``CompressedImage``, encode ``Image``; no cv_bridge needed."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ from rover_obstacle_detection.messages.encodings import (
 )
 from rover_obstacle_detection.messages.factory import MessageFactory
 
-# A file cut short ends without them; decoders then fill up with grey or complain on stderr.
-_FILE_ENDS = {
+# Decoders accept a truncated file and fill the rest with grey; a missing end marker reveals it.
+_END_MARKERS = {
     b'\xff\xd8\xff': ('JPEG', b'\xff\xd9'),
     b'\x89PNG': ('PNG', b'IEND\xaeB`\x82'),
 }
+# Some cameras pad the file to a round size, so the end marker need not be the last bytes.
+_MAX_PADDING_BYTES = 4096
 
 
 def decode_any_image(message: Any, name: str) -> NDArray[Any]:
-    """Decode an Image or a CompressedImage, whichever it is; see `decode_image`."""
+    """Decode an Image or a CompressedImage; see `decode_image`."""
     if hasattr(message, 'encoding'):
         return decode_image(message, name)
     return decode_compressed_image(message, name)
@@ -38,20 +40,20 @@ def decode_image(message: Any, name: str) -> NDArray[Any]:
     Parameters
     ----------
     message : sensor_msgs/Image
-        Of rclpy or rosbags; a ``step`` beyond the row and either endianness are honoured.
+        From rclpy or rosbags. Row padding (``step``) and endianness are honoured.
     name : str
-        Topic or file, for the error.
+        Topic or file, for error messages.
 
     Returns
     -------
     ndarray of uint8 or uint16, shape (height, width), or of uint8, shape (height, width, 3)
-        Grey, or BGR. It shares the message's memory where nothing had to be converted: not to be
-        written to. 16-bit Bayer mosaics come out as 16-bit grey.
+        Grey or BGR; 16-bit Bayer mosaics become 16-bit grey. Do not write to the array: without
+        a conversion it shares the message's memory.
 
     Raises
     ------
     ImageError
-        Naming the field that is wrong, and what was expected.
+        Naming the invalid field and the expected value.
     """
     encoding = IMAGE_ENCODINGS.get(message.encoding)
     if encoding is None:
@@ -65,12 +67,16 @@ def decode_image(message: Any, name: str) -> NDArray[Any]:
 
 
 def decode_float_image(message: Any, name: str) -> NDArray[np.float32]:
-    """Decode a 32FC1 ``sensor_msgs/Image``: depth or disparity, shape (height, width).
+    """Decode a 32FC1 ``sensor_msgs/Image``, such as depth or disparity.
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width)
 
     Raises
     ------
     ImageError
-        Naming the field that is wrong, and what was expected.
+        Naming the invalid field and the expected value.
     """
     if message.encoding != FLOAT_ENCODING:
         msg = f'{name}: encoding is {message.encoding!r}: expected {FLOAT_ENCODING}'
@@ -79,23 +85,23 @@ def decode_float_image(message: Any, name: str) -> NDArray[np.float32]:
 
 
 def decode_compressed_image(message: Any, name: str) -> NDArray[Any]:
-    """Decode a ``sensor_msgs/CompressedImage`` (JPEG, PNG or another file that OpenCV reads).
+    """Decode a ``sensor_msgs/CompressedImage``: JPEG, PNG or another format OpenCV reads.
 
     Parameters
     ----------
     message : sensor_msgs/CompressedImage
     name : str
-        Topic, for the error.
+        Topic or file, for error messages.
 
     Returns
     -------
     ndarray
-        As of `decode_image`.
+        See `decode_image`.
 
     Raises
     ------
     ImageError
-        If the data is empty, cut short or not an image of 8 or 16 bits.
+        If the data is empty, truncated or not an 8- or 16-bit image.
     """
     data = _bytes(message.data)
     _check_complete(data, name)
@@ -105,37 +111,37 @@ def decode_compressed_image(message: Any, name: str) -> NDArray[Any]:
         image = None
     if image is None:
         msg = (
-            f'{name}: data is not an image that can be decoded (format {message.format!r}, '
+            f'{name}: data cannot be decoded as an image (format {message.format!r}, '
             f'{data.size} bytes)'
         )
         raise ImageError(msg)
     if image.dtype not in (np.uint8, np.uint16):
-        msg = f'{name}: data decodes to {image.dtype}: expected 8 or 16 bits a channel'
+        msg = f'{name}: data decodes to {image.dtype}: expected 8 or 16 bits per channel'
         raise ImageError(msg)
     return _grey_or_bgr(image, message.format)
 
 
 def encode_image(array: NDArray[Any], encoding: str, header: Any, factory: MessageFactory) -> Any:
-    """Make a ``sensor_msgs/Image``, rows unpadded, in native byte order.
+    """Encode an array as ``sensor_msgs/Image``, without row padding, in native byte order.
 
     Parameters
     ----------
     array : ndarray, shape (height, width) or (height, width, channels)
     encoding : str
-        mono8, mono16, 8UC1, 16UC1, bgr8, rgb8, 8UC3 or 32FC1: only names the channels, nothing is
-        converted.
+        mono8, mono16, 8UC1, 16UC1, bgr8, rgb8, 8UC3 or 32FC1. Must already match the array;
+        nothing is converted.
     header : std_msgs/Header
     factory : MessageFactory
 
     Raises
     ------
     ValueError
-        If the array is not of the encoding's type and channels.
+        If dtype or channels do not match the encoding.
     """
     layout = WRITTEN_ENCODINGS[encoding]
     channels = 1 if array.ndim == 2 else array.shape[2]
     if array.dtype != np.dtype(layout.dtype) or channels != layout.channels:
-        msg = f'an array of {array.dtype} and {channels} channels is not {encoding}'
+        msg = f'{encoding} does not fit an array of {array.dtype} with {channels} channels'
         raise ValueError(msg)
     height, width = array.shape[:2]
     return factory.make(
@@ -186,17 +192,16 @@ def _check_complete(data: NDArray[np.uint8], name: str) -> None:
         msg = f'{name}: data is empty: expected a compressed image'
         raise ImageError(msg)
     start = data[:4].tobytes()
-    for magic, (kind, end) in _FILE_ENDS.items():
-        # Some cameras pad the file to a round size, hence not only the last bytes.
-        if start.startswith(magic) and end not in data[-4096:].tobytes():
-            msg = f'{name}: data is a {kind} file of {data.size} bytes cut short: expected its end'
+    for magic, (kind, end) in _END_MARKERS.items():
+        if start.startswith(magic) and end not in data[-_MAX_PADDING_BYTES:].tobytes():
+            msg = f'{name}: data is a {kind} file of {data.size} bytes cut short'
             raise ImageError(msg)
 
 
 def _grey_or_bgr(image: NDArray[Any], format_: str) -> NDArray[Any]:
     if image.ndim == 2:
         source = IMAGE_ENCODINGS.get(format_.split(';')[0].strip())
-        # compressed_image_transport compresses a Bayer mosaic as if it were grey.
+        # compressed_image_transport stores a Bayer mosaic as a grey image.
         if source is None or source.conversion is None or source.channels != 1:
             return image
         if np.dtype(source.dtype) != image.dtype:

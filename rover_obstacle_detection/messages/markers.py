@@ -1,4 +1,4 @@
-"""A detection's obstacles as boxes and labels: ``visualization_msgs/MarkerArray``."""
+"""Encode the obstacles of a detection as boxes and labels (``visualization_msgs/MarkerArray``)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rover_obstacle_detection.pictures import is_tall
 
 BOXES = 'obstacles'
 LABELS = 'labels'
-"""Namespaces, which RViz and Foxglove show and hide one by one."""
+"""Marker namespaces, which RViz and Foxglove can show and hide separately."""
 
 # visualization_msgs/Marker
 _CUBE = 1
@@ -22,19 +22,18 @@ _DELETEALL = 3
 
 _BOX_COLOUR = {'r': 0.94, 'g': 0.06, 'b': 0.19}
 _LABEL_COLOUR = {'r': 1.0, 'g': 1.0, 'b': 1.0, 'a': 1.0}
-# A doubtful box should still be seen, and a sure one not hide its points.
-_LEAST_ALPHA, _MOST_ALPHA = 0.1, 0.6
-# RViz refuses a box without extent.
+# Opacity at confidence 0 and 1: always visible, never hiding the points inside.
+_MIN_ALPHA, _MAX_ALPHA = 0.1, 0.6
+# RViz rejects a box of zero size.
 _MIN_EXTENT_M = 0.01
 _LETTER_M = 0.06
 
 
 def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-    """Make a ``visualization_msgs/MarkerArray``: the former ones go, two per obstacle come.
+    """Make a ``visualization_msgs/MarkerArray`` that replaces all earlier markers.
 
-    They are a box, the more solid the surer, and above it the confidence and the height above
-    the ground, such as ``0.93  0.31 m``; the confidence alone where the height is not what makes
-    it an obstacle. Obstacles without 3D, which have no place in space, have neither.
+    Each obstacle with 3D points gets a box, more opaque with higher confidence. The label above
+    it shows the confidence and, for tall obstacles, the height: ``0.93  0.31 m``.
 
     Parameters
     ----------
@@ -61,7 +60,7 @@ def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -
 def _box(number: int, obstacle: Obstacle, header: Any, factory: MessageFactory) -> Any:
     corners = zip('xyz', obstacle.minimum_m, obstacle.maximum_m, strict=True)
     extent = {axis: max(high - low, _MIN_EXTENT_M) for axis, low, high in corners}
-    alpha = _LEAST_ALPHA + obstacle.confidence * (_MOST_ALPHA - _LEAST_ALPHA)
+    alpha = _MIN_ALPHA + obstacle.confidence * (_MAX_ALPHA - _MIN_ALPHA)
     return factory.make(
         'visualization_msgs/msg/Marker',
         header=header,
@@ -86,7 +85,7 @@ def _label(
     halves = [
         (high - low) / 2 for low, high in zip(obstacle.minimum_m, obstacle.maximum_m, strict=True)
     ]
-    # From the centre up to the top of the box, and the text's own height over it.
+    # One letter height above the top of the box.
     rise_m = sum(abs(part) * half for part, half in zip(up, halves, strict=True)) + _LETTER_M
     position = {
         axis: value + rise_m * part

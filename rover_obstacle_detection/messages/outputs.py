@@ -1,4 +1,4 @@
-"""What a detection is published as: the one table that the live node and the replay share."""
+"""The output topics and their messages, shared by the live node and the replay."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.messages.cloud import encode_cloud
@@ -15,16 +16,14 @@ from rover_obstacle_detection.messages.factory import MessageFactory
 from rover_obstacle_detection.messages.image import encode_image
 from rover_obstacle_detection.messages.markers import encode_markers
 from rover_obstacle_detection.pictures import (
-    Picture,
     overlay_picture,
     regions_picture,
     roughness_step_picture,
     seeds_picture,
 )
 
-KNOWN = 255
-
-Encode = Callable[[Detection, Any, MessageFactory], Any]
+# Pixel value of debug/known where the ground was judged.
+KNOWN = np.uint8(255)
 
 
 @dataclass(frozen=True)
@@ -34,49 +33,41 @@ class Output:
     Parameters
     ----------
     type_name : str
-        Such as ``sensor_msgs/msg/Image``.
+        For example ``sensor_msgs/msg/Image``.
     encode : callable
-        Makes the message of a detection, the left image's header and a message factory.
+        Makes the message from a detection, the left image's header and a message factory.
     """
 
     type_name: str
-    encode: Encode
+    encode: Callable[[Detection, Any, MessageFactory], Any]
 
 
-def _mask(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-    return encode_image(detection.mask, 'mono8', header, factory)
+def _image(pixels: Callable[[Detection], NDArray[np.uint8]], encoding: str) -> Output:
+    return Output(
+        'sensor_msgs/msg/Image',
+        lambda detection, header, factory: encode_image(
+            pixels(detection), encoding, header, factory
+        ),
+    )
 
 
-def _obstacle_points(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-    return encode_cloud(detection.obstacle_points, header, factory)
-
-
-def _ground_points(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-    return encode_cloud(detection.ground_points, header, factory)
-
-
-def _known(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-    known = detection.known.astype(np.uint8) * np.uint8(KNOWN)
-    return encode_image(known, 'mono8', header, factory)
-
-
-def _picture(draw: Callable[[Detection], Picture]) -> Output:
-    def encode(detection: Detection, header: Any, factory: MessageFactory) -> Any:
-        return encode_image(draw(detection), 'bgr8', header, factory)
-
-    return Output('sensor_msgs/msg/Image', encode)
+def _cloud(points: Callable[[Detection], NDArray[np.float32]]) -> Output:
+    return Output(
+        'sensor_msgs/msg/PointCloud2',
+        lambda detection, header, factory: encode_cloud(points(detection), header, factory),
+    )
 
 
 OUTPUTS: Mapping[str, Output] = {
-    'obstacle_mask': Output('sensor_msgs/msg/Image', _mask),
-    'obstacle_points': Output('sensor_msgs/msg/PointCloud2', _obstacle_points),
-    'ground_points': Output('sensor_msgs/msg/PointCloud2', _ground_points),
+    'obstacle_mask': _image(lambda detection: detection.mask, 'mono8'),
+    'obstacle_points': _cloud(lambda detection: detection.obstacle_points),
+    'ground_points': _cloud(lambda detection: detection.ground_points),
     'disparity': Output('stereo_msgs/msg/DisparityImage', encode_disparity),
     'obstacle_markers': Output('visualization_msgs/msg/MarkerArray', encode_markers),
-    'detection_image': _picture(overlay_picture),
-    'debug/known': Output('sensor_msgs/msg/Image', _known),
-    'debug/regions': _picture(regions_picture),
-    'debug/seeds': _picture(seeds_picture),
-    'debug/roughness_step': _picture(roughness_step_picture),
+    'detection_image': _image(overlay_picture, 'bgr8'),
+    'debug/known': _image(lambda detection: detection.known * KNOWN, 'mono8'),
+    'debug/regions': _image(regions_picture, 'bgr8'),
+    'debug/seeds': _image(seeds_picture, 'bgr8'),
+    'debug/roughness_step': _image(roughness_step_picture, 'bgr8'),
 }
-"""Output topics by their names relative to the node's namespace."""
+"""Output topics by their name relative to the node's namespace."""

@@ -1,4 +1,4 @@
-"""Raw images made rectified, as image_proc does it, from the calibration's K, D, R and P."""
+"""Rectify raw images with the calibration's K, D, R and P, as image_proc does."""
 
 from __future__ import annotations
 
@@ -16,32 +16,31 @@ _FISHEYE_MODEL = 'equidistant'
 
 
 def needs_rectification(info: CameraInfo) -> bool:
-    """Whether a raw image of this calibration differs from a rectified one."""
+    """Return whether raw images of this calibration differ from rectified ones."""
     k, p = np.reshape(info.k, (3, 3)), np.reshape(info.p, (3, 4))[:, :3]
     is_aligned = np.allclose(info.r, np.eye(3).reshape(-1)) and np.allclose(k, p)
     return bool(np.any(info.d)) or not is_aligned
 
 
 class Rectification:
-    """Resamples the raw images of one eye to rectified ones.
+    """Rectifies the raw images of one camera.
 
     Parameters
     ----------
     info : CameraInfo
     name : str
-        Topic or file of the calibration, for the errors.
+        Topic or file of the calibration, for error messages.
 
     Raises
     ------
     CameraError
-        If the intrinsic or the rectification matrix is not one, or the distortion model is not
-        known.
+        If K, D or R is invalid, or the distortion model is unknown.
 
     Notes
     -----
-    The maps are those of ``cv2.initUndistortRectifyMap`` (model equidistant: ``cv2.fisheye``),
-    with K and P brought to the cropped and binned image first, as image_geometry does. Pixels
-    that the raw image does not show are 0.
+    The maps come from ``cv2.initUndistortRectifyMap`` (``cv2.fisheye`` for equidistant). K and P
+    are first converted to the cropped and binned image, as image_geometry does. Pixels outside
+    the raw image become 0.
     """
 
     def __init__(self, info: CameraInfo, name: str) -> None:
@@ -78,13 +77,13 @@ class Rectification:
         Raises
         ------
         ImageError
-            If it has another size than the calibration.
+            If its size differs from the calibration.
         """
         height, width = image.shape[:2]
         if (width, height) != self._size:
             msg = (
-                f'the image is {width} x {height}, its calibration {self._name} is for '
-                f'{self._size[0]} x {self._size[1]}: expected the same'
+                f'the image is {width} x {height}, but its calibration {self._name} is for '
+                f'{self._size[0]} x {self._size[1]}'
             )
             raise ImageError(msg)
         rectified: NDArray[Any] = cv2.remap(image, self._columns, self._rows, cv2.INTER_LINEAR)
@@ -96,7 +95,7 @@ class Rectification:
 
 
 def _window(info: CameraInfo) -> tuple[NDArray[np.float64], tuple[int, int]]:
-    """Make what takes pixels of the full image to the cropped and binned one, and its size."""
+    """Return the transform from full-image to cropped and binned pixels, and the new size."""
     binning_x, binning_y = info.binning_x or 1, info.binning_y or 1
     x_offset, y_offset, width, height = 0, 0, info.width, info.height
     if info.roi is not None:
@@ -113,7 +112,7 @@ def _window(info: CameraInfo) -> tuple[NDArray[np.float64], tuple[int, int]]:
 
 
 class StereoRectification:
-    """Resamples pairs of raw images; an eye that needs nothing is passed on as it is.
+    """Rectifies image pairs; an image that is already rectified is returned unchanged.
 
     Parameters
     ----------
@@ -122,23 +121,26 @@ class StereoRectification:
     Raises
     ------
     CameraError
-        As of `Rectification`.
+        See `Rectification`.
     """
 
     def __init__(self, calibration: StereoCalibration) -> None:
-        self._eyes = tuple(
+        self._sides = tuple(
             Rectification(info, calibration.source) if needs_rectification(info) else None
             for info in (calibration.left, calibration.right)
         )
 
     @property
     def is_needed(self) -> bool:
-        """Whether any image is changed."""
-        return any(self._eyes)
+        """Whether at least one side needs rectification."""
+        return any(self._sides)
 
     def __call__(
         self, left: NDArray[Any], right: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any]]:
         """Rectify a pair; see `Rectification.__call__`."""
-        left_eye, right_eye = self._eyes
-        return left_eye(left) if left_eye else left, right_eye(right) if right_eye else right
+        rectify_left, rectify_right = self._sides
+        return (
+            rectify_left(left) if rectify_left else left,
+            rectify_right(right) if rectify_right else right,
+        )

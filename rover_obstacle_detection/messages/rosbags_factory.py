@@ -1,4 +1,4 @@
-"""Messages of the rosbags library: what a recording is read from and written to."""
+"""Make messages of the rosbags library, which reads and writes recordings."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from rosbags.typesys.store import Typestore
 
 @lru_cache(maxsize=1)
 def ros2_typestore() -> Typestore:
-    """Message types of ROS 2 Jazzy."""
+    """Return the message types of ROS 2 Jazzy."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 
 @lru_cache(maxsize=1)
 def ros1_typestore() -> Typestore:
-    """Message types of ROS 1 Noetic."""
+    """Return the message types of ROS 1 Noetic."""
     return get_typestore(Stores.ROS1_NOETIC)
 
 
 class RosbagsFactory:
-    """Makes messages of a rosbags typestore; what is not given is zero or empty.
+    """Makes messages of a rosbags typestore; fields not given are zero or empty.
 
-    Other defaults of ROS, such as a quaternion's w of 1, are not applied: give them.
+    ROS defaults other than zero, such as 1 for a quaternion's w, must be given explicitly.
 
     Parameters
     ----------
     typestore : Typestore, optional
-        ROS 2 Jazzy's if none is given.
+        Default: ROS 2 Jazzy.
     """
 
     def __init__(self, typestore: Typestore | None = None) -> None:

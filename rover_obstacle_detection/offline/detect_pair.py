@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
-from rover_obstacle_detection.messages.calibration import load_stereo_camera
+from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.image import decode_compressed_image
 from rover_obstacle_detection.offline.output_folder import output_folder
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures, write_png
@@ -70,7 +70,7 @@ def detect_pair(
     ObstacleDetectionError
         If a file cannot be read, or does not fit the others.
     """
-    camera = load_stereo_camera(*calibration)
+    camera = load_stereo_calibration(*calibration).camera
     left_image, right_image = read_image(left), read_image(right)
     detector = Detector(camera, config, rover.pixels(*camera.shape) if rover else None)
     stopwatch = Stopwatch()

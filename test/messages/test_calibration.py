@@ -7,7 +7,6 @@ from rover_obstacle_detection.messages.calibration import (
     CameraInfo,
     load_camera_info,
     load_stereo_calibration,
-    load_stereo_camera,
 )
 from rover_obstacle_detection.messages.rosbags_factory import (
     RosbagsFactory,
@@ -36,7 +35,7 @@ def files(tmp_path):
     return left, right
 
 
-def test_a_calibration_file_is_read_whole(files):
+def test_calibration_file_is_read_completely(files):
     info = load_camera_info(files[1])
     assert (info.width, info.height) == (640, 480)
     assert info.distortion_model == 'plumb_bob'
@@ -47,8 +46,8 @@ def test_a_calibration_file_is_read_whole(files):
     assert info.roi is None
 
 
-def test_two_files_make_a_stereo_camera(files):
-    camera = load_stereo_camera(*files)
+def test_two_files_give_a_stereo_camera(files):
+    camera = load_stereo_calibration(*files).camera
     assert (camera.width, camera.height, camera.fx, camera.cy) == (640, 480, 400, 230)
     assert camera.baseline_m == pytest.approx(0.12)
 
@@ -60,7 +59,7 @@ def test_two_files_make_a_stereo_camera(files):
         ('image_height: 480\n', '', 'image_height is None'),
         ('500, 0, 320', '500, 320', 'camera_matrix has 8 numbers: expected 9'),
         ('projection_matrix', 'projection', 'projection_matrix is missing'),
-        ('[0.1, 0.0', '[0.1, much', 'distortion_coefficients holds something else'),
+        ('[0.1, 0.0', '[0.1, much', 'distortion_coefficients contains a value that is not'),
         ('[400, 0, 310', '[0, 0, 310', 'P[0] (fx) is 0.0'),
         ('[400, 0, 310', '[.nan, 0, 310', 'not finite'),
         (LEFT, 'just a line', 'is not a ROS camera calibration file'),
@@ -68,11 +67,11 @@ def test_two_files_make_a_stereo_camera(files):
         (LEFT, '', 'is not a ROS camera calibration file'),
     ],
 )
-def test_the_file_and_the_key_that_is_wrong_are_named(files, before, after, words):
+def test_error_names_the_file_and_the_invalid_key(files, before, after, words):
     left, right = files
     left.write_text(LEFT.replace(before, after))
     with pytest.raises(CameraError) as caught:
-        load_stereo_camera(left, right)
+        load_stereo_calibration(left, right)
     assert str(left) in str(caught.value)
     assert words in str(caught.value)
     assert '\n' not in str(caught.value)
@@ -81,7 +80,7 @@ def test_the_file_and_the_key_that_is_wrong_are_named(files, before, after, word
 @pytest.mark.parametrize(
     ('shift', 'baseline'), [('0', '0 m: expected'), ('48.0', '-0.12 m: expected')]
 )
-def test_a_baseline_that_is_none_is_refused(files, shift, baseline):
+def test_zero_or_negative_baseline_is_refused(files, shift, baseline):
     left, right = files
     right.write_text(RIGHT.replace('-48.0', shift))
     with pytest.raises(CameraError) as caught:
@@ -90,7 +89,7 @@ def test_a_baseline_that_is_none_is_refused(files, shift, baseline):
     assert baseline in str(caught.value)
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_unreadable_file_is_named(tmp_path):
     with pytest.raises(CameraError, match=r'none\.yaml: no such calibration file'):
         load_camera_info(tmp_path / 'none.yaml')
     with pytest.raises(CameraError, match='cannot be read: Is a directory'):
@@ -98,7 +97,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 @pytest.mark.parametrize('typestore', [ros1_typestore(), ros2_typestore()])
-def test_messages_of_both_ros_versions_are_read(files, typestore):
+def test_camera_info_of_ros_1_and_ros_2_is_read(files, typestore):
     info = load_camera_info(files[1])
     factory = RosbagsFactory(typestore)
     names = dict.fromkeys('dkrp') if typestore is ros2_typestore() else dict.fromkeys('DKRP')
@@ -114,4 +113,3 @@ def test_messages_of_both_ros_versions_are_read(files, typestore):
     read = CameraInfo.from_message(message)
     assert (read.k, read.d, read.r, read.p) == (info.k, info.d, info.r, info.p)
     assert (read.width, read.binning_x, read.binning_y) == (640, 2, 0)
-    assert read == CameraInfo.from_message(message)

@@ -14,7 +14,7 @@ HEADER = make_header(5, 'left_optical', FACTORY)
 POINTS = np.array([[1.5, -2, 3, 0.25], [4, 5, 6, -0.5], [7, 8, 9, 0]], np.float32)
 
 
-def test_the_bytes_are_what_every_consumer_walks_through():
+def test_cloud_is_unpadded_little_endian_float32():
     message = encode_cloud(POINTS, HEADER, FACTORY)
     expected = b''.join(struct.pack('<4f', *point) for point in POINTS)
     assert message.data.tobytes() == expected
@@ -27,7 +27,7 @@ def test_the_bytes_are_what_every_consumer_walks_through():
     assert message.header.frame_id == 'left_optical'
 
 
-def test_obstacles_have_their_confidence_after_their_height():
+def test_confidence_is_the_fifth_field():
     points = np.column_stack((POINTS, np.float32([0.5, 0.25, 1])))
     message = encode_cloud(points, HEADER, FACTORY)
     expected = b''.join(struct.pack('<5f', *point) for point in points)
@@ -39,7 +39,7 @@ def test_obstacles_have_their_confidence_after_their_height():
 
 
 @pytest.mark.parametrize('count', [0, 1, 3])
-def test_a_cloud_survives_serialisation(count):
+def test_cloud_survives_serialisation(count):
     points = np.repeat(POINTS, 2, axis=0)[::2][:count]
     message = encode_cloud(points, HEADER, FACTORY)
     raw = FACTORY.typestore.serialize_cdr(message, message.__msgtype__)
@@ -50,7 +50,7 @@ def test_a_cloud_survives_serialisation(count):
     assert decoded.shape == (count, 4)
 
 
-def test_clouds_of_others_are_read_in_spite_of_padding_and_endianness():
+def test_padded_big_endian_cloud_is_decoded():
     message = encode_cloud(POINTS, HEADER, FACTORY)
     padded = np.pad(POINTS.astype('>f4'), ((0, 0), (0, 2)))
     message.data = padded.reshape(-1).view(np.uint8)
@@ -58,7 +58,7 @@ def test_clouds_of_others_are_read_in_spite_of_padding_and_endianness():
     np.testing.assert_array_equal(decode_cloud(message), POINTS)
 
 
-def test_a_field_of_another_type_is_named():
+def test_field_of_unsupported_type_is_named():
     message = encode_cloud(POINTS, HEADER, FACTORY)
     message.fields[1].datatype = 8
     with pytest.raises(ValueError, match="field 'y' is not float32"):

@@ -10,7 +10,7 @@ from rover_obstacle_detection.messages.rosbags_factory import (
 )
 
 
-def test_every_standard_message_can_be_made_of_defaults():
+def test_every_standard_message_can_be_made_with_defaults():
     factory = RosbagsFactory()
     for type_name in ros2_typestore().types:
         message = factory.make(type_name)
@@ -18,7 +18,7 @@ def test_every_standard_message_can_be_made_of_defaults():
         assert repr(factory.typestore.deserialize_cdr(raw, type_name)) == repr(message)
 
 
-def test_given_fields_are_taken_and_the_others_have_their_zero():
+def test_fields_not_given_are_zero():
     info = RosbagsFactory().make('sensor_msgs/msg/CameraInfo', width=8, d=np.ones(2))
     assert (info.width, info.height, info.distortion_model) == (8, 0, '')
     np.testing.assert_array_equal(info.d, [1, 1])
@@ -26,11 +26,11 @@ def test_given_fields_are_taken_and_the_others_have_their_zero():
     assert info.roi.do_rectify is False
 
 
-def test_messages_of_ros_1_are_made_alike():
+def test_ros_1_messages_can_be_made():
     header = RosbagsFactory(ros1_typestore()).make('std_msgs/msg/Header', frame_id='x')
     assert (header.seq, header.stamp.sec, header.frame_id) == (0, 0, 'x')
 
 
-def test_a_field_that_is_not_there_is_refused():
+def test_unknown_field_is_refused():
     with pytest.raises(TypeError, match="std_msgs/msg/Header has no field 'seq'"):
         RosbagsFactory().make('std_msgs/msg/Header', seq=1)

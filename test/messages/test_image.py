@@ -26,7 +26,7 @@ HEADER = make_header(5, 'left_optical', FACTORY)
 
 
 def image_message(pixels, encoding, *, padding=0, big_endian=False, as_array=False):
-    """Build an Image as a driver would, with bytes after each row."""
+    """Build an Image with ``padding`` bytes after each row."""
     height, width = pixels.shape[:2]
     stored = pixels.astype(pixels.dtype.newbyteorder('>' if big_endian else '<'))
     rows = stored.reshape(height, -1).view(np.uint8)
@@ -57,9 +57,7 @@ def random_pixels(*shape, dtype=np.uint8):
     st.booleans(),
     st.booleans(),
 )
-def test_decoding_gives_the_pixels_whatever_step_and_endianness(
-    shape, encoding, padding, big_endian, as_array
-):
+def test_decoding_honours_step_and_endianness(shape, encoding, padding, big_endian, as_array):
     dtype = np.uint16 if '16' in encoding else np.uint8
     pixels = random_pixels(
         *shape, *((3,) if '3' in encoding or 'bgr' in encoding else ()), dtype=dtype
@@ -77,7 +75,7 @@ def test_decoding_gives_the_pixels_whatever_step_and_endianness(
     ('encoding', 'order'),
     [('rgb8', [2, 1, 0]), ('bgra8', [0, 1, 2]), ('rgba8', [2, 1, 0]), ('8UC4', [0, 1, 2])],
 )
-def test_colours_come_out_as_bgr(encoding, order):
+def test_colour_is_decoded_to_bgr(encoding, order):
     pixels = random_pixels(4, 5, 4 if 'a' in encoding or '4' in encoding else 3)
     decoded = decode_image(image_message(pixels, encoding, padding=3), '/left')
     np.testing.assert_array_equal(decoded, pixels[..., order])
@@ -86,7 +84,7 @@ def test_colours_come_out_as_bgr(encoding, order):
 @pytest.mark.parametrize(
     ('pattern', 'red_at'), [('rggb', (0, 0)), ('bggr', (1, 1)), ('gbrg', (1, 0)), ('grbg', (0, 1))]
 )
-def test_bayer_mosaics_give_the_colour_of_the_scene(pattern, red_at):
+def test_bayer_mosaic_is_decoded_to_bgr_or_16_bit_grey(pattern, red_at):
     mosaic = np.zeros((8, 8), np.uint8)
     mosaic[red_at[0] :: 2, red_at[1] :: 2] = 200
     decoded = decode_image(image_message(mosaic, f'bayer_{pattern}8'), '/left')
@@ -96,7 +94,7 @@ def test_bayer_mosaics_give_the_colour_of_the_scene(pattern, red_at):
     np.testing.assert_allclose(deep[2:6, 2:6], 0.299 * 200 * 256, rtol=0.01)
 
 
-def test_grey_shares_the_memory_of_the_message():
+def test_grey_image_shares_the_memory_of_the_message():
     message = image_message(random_pixels(6, 7), 'mono8', padding=2)
     assert np.shares_memory(decode_image(message, '/left'), message.data)
 
@@ -115,7 +113,7 @@ def test_grey_shares_the_memory_of_the_message():
         ({'encoding': 'rgb8'}, ['step is 10', 'at least 30 bytes']),
     ],
 )
-def test_a_wrong_field_is_named(changes, words):
+def test_invalid_field_is_named(changes, words):
     message = image_message(random_pixels(4, 10), 'mono8')
     vars(message).update(changes)
     with pytest.raises(ImageError) as caught:
@@ -125,21 +123,21 @@ def test_a_wrong_field_is_named(changes, words):
 
 
 @pytest.mark.parametrize('extension', ['.png', '.jpg'])
-def test_compressed_images_are_decoded(extension):
+def test_compressed_image_is_decoded(extension):
     pixels = np.full((20, 30, 3), (10, 120, 240), np.uint8)
     message = compressed_message(cv2.imencode(extension, pixels)[1])
     np.testing.assert_allclose(decode_any_image(message, '/left'), pixels, atol=3)
 
 
 @pytest.mark.parametrize('dtype', [np.uint8, np.uint16])
-def test_compressed_grey_keeps_its_depth(dtype):
+def test_compressed_grey_keeps_its_bit_depth(dtype):
     pixels = random_pixels(6, 7, dtype=dtype)
     decoded = decode_compressed_image(compressed_message(cv2.imencode('.png', pixels)[1]), '/left')
     np.testing.assert_array_equal(decoded, pixels)
     assert decoded.dtype == dtype
 
 
-def test_compressed_images_with_alpha_or_deep_colour_become_bgr_or_grey():
+def test_compressed_alpha_becomes_bgr_and_16_bit_colour_becomes_grey():
     alpha = random_pixels(4, 5, 4)
     decoded = decode_compressed_image(compressed_message(cv2.imencode('.png', alpha)[1]), '/l')
     np.testing.assert_array_equal(decoded, alpha[..., :3])
@@ -148,7 +146,7 @@ def test_compressed_images_with_alpha_or_deep_colour_become_bgr_or_grey():
     np.testing.assert_array_equal(decoded, np.full((4, 5), 40_000))
 
 
-def test_a_compressed_bayer_mosaic_is_not_taken_for_grey():
+def test_compressed_bayer_mosaic_is_decoded_to_bgr():
     mosaic = np.zeros((8, 8), np.uint8)
     mosaic[::2, ::2] = 200
     png = cv2.imencode('.png', mosaic)[1]
@@ -160,7 +158,7 @@ def test_a_compressed_bayer_mosaic_is_not_taken_for_grey():
 
 @pytest.mark.parametrize('extension', ['.png', '.jpg'])
 @pytest.mark.parametrize('kept', [0.1, 0.5, 0.9, 0.99])
-def test_a_compressed_image_cut_short_is_refused(extension, kept, capfd):
+def test_truncated_compressed_image_is_refused(extension, kept, capfd):
     data = cv2.imencode(extension, random_pixels(60, 80))[1]
     with pytest.raises(ImageError, match=r'/left: data is a .* cut short'):
         decode_compressed_image(compressed_message(data[: int(kept * len(data))]), '/left')
@@ -168,16 +166,16 @@ def test_a_compressed_image_cut_short_is_refused(extension, kept, capfd):
 
 
 @pytest.mark.parametrize(
-    ('data', 'words'), [(b'', 'data is empty'), (b'not an image at all', 'not an image')]
+    ('data', 'words'), [(b'', 'data is empty'), (b'not an image at all', 'cannot be decoded')]
 )
-def test_what_is_no_image_is_refused(data, words):
+def test_compressed_data_that_is_not_an_image_is_refused(data, words):
     with pytest.raises(ImageError, match=f'/left: .*{words}'):
         decode_compressed_image(compressed_message(data), '/left')
 
 
 @settings(max_examples=50)
 @given(st.sampled_from(['.png', '.jpg']), st.integers(0, 10**9), st.integers(0, 255))
-def test_a_damaged_compressed_image_is_decoded_or_refused(extension, position, value):
+def test_damaged_compressed_image_is_decoded_or_refused(extension, position, value):
     data = cv2.imencode(extension, random_pixels(16, 16))[1]
     data[position % len(data)] = value
     try:
@@ -192,7 +190,7 @@ def test_a_damaged_compressed_image_is_decoded_or_refused(extension, position, v
     ('encoding', 'dtype', 'channels'),
     [('mono8', np.uint8, 1), ('mono16', np.uint16, 1), ('bgr8', np.uint8, 3), ('32FC1', 'f4', 1)],
 )
-def test_encoding_and_decoding_gives_the_same_array(encoding, dtype, channels):
+def test_encoded_array_decodes_to_itself(encoding, dtype, channels):
     pixels = random_pixels(6, 9, channels)[::2].astype(dtype)
     pixels = pixels[..., 0] if channels == 1 else pixels
     message = encode_image(pixels, encoding, HEADER, FACTORY)
@@ -205,13 +203,13 @@ def test_encoding_and_decoding_gives_the_same_array(encoding, dtype, channels):
     np.testing.assert_array_equal(decode(again, '/x'), pixels)
 
 
-def test_an_array_of_another_type_is_not_encoded():
-    with pytest.raises(ValueError, match='float64 and 1 channels is not mono8'):
+def test_array_and_encoding_must_match():
+    with pytest.raises(ValueError, match='mono8 does not fit an array of float64 with 1 channels'):
         encode_image(np.zeros((2, 2)), 'mono8', HEADER, FACTORY)
     with pytest.raises(ImageError, match=r'/depth: encoding is .mono8.: expected 32FC1'):
         decode_float_image(image_message(random_pixels(2, 2), 'mono8'), '/depth')
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))
-def test_stamps_survive_a_header(stamp):
+def test_header_keeps_the_stamp(stamp):
     assert stamp_ns(make_header(stamp, '', FACTORY)) == stamp

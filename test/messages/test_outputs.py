@@ -27,7 +27,7 @@ CAMERA = StereoCamera(width=32, height=24, fx=40, fy=40, cx=15.5, cy=11.5, basel
 
 
 def detection(disparity=None, mask=None, known=None):
-    """Build a wall at 0.8 m, with a hole in its matches, and one obstacle on it."""
+    """Build a wall at 0.8 m with an unmatched border and one obstacle."""
     if disparity is None:
         disparity = np.full(SHAPE, 5, np.float32)
         disparity[:4], disparity[:, :6] = 0, 0
@@ -56,14 +56,14 @@ def detection(disparity=None, mask=None, known=None):
 
 
 def encode(name, seen):
-    """Encode an output and pass it through serialisation, as any reader gets it."""
+    """Encode an output, serialise it and read it back."""
     output = OUTPUTS[name]
     message = output.encode(seen, HEADER, FACTORY)
     raw = FACTORY.typestore.serialize_cdr(message, output.type_name)
     return FACTORY.typestore.deserialize_cdr(raw, output.type_name)
 
 
-def test_the_table_has_the_topics_of_the_node():
+def test_output_topics_and_types():
     assert {name: each.type_name for name, each in OUTPUTS.items()} == {
         'obstacle_mask': 'sensor_msgs/msg/Image',
         'obstacle_points': 'sensor_msgs/msg/PointCloud2',
@@ -80,7 +80,7 @@ def test_the_table_has_the_topics_of_the_node():
 
 @pytest.mark.parametrize('name', OUTPUTS)
 @pytest.mark.parametrize('empty', [False, True])
-def test_every_output_bears_the_header_also_when_nothing_was_seen(name, empty):
+def test_every_output_has_the_header_of_the_left_image(name, empty):
     nothing = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8)
     message = encode(name, detection(*nothing) if empty else detection())
     header = message.markers[0].header if name == 'obstacle_markers' else message.header
@@ -88,7 +88,7 @@ def test_every_output_bears_the_header_also_when_nothing_was_seen(name, empty):
     assert header.frame_id == 'left_optical'
 
 
-def test_mask_and_clouds_agree_pixel_for_point():
+def test_clouds_hold_the_points_of_the_masks_pixels():
     seen = detection()
     mask = decode_image(encode('obstacle_mask', seen), 'mask')
     np.testing.assert_array_equal(mask, seen.mask)
@@ -98,27 +98,19 @@ def test_mask_and_clouds_agree_pixel_for_point():
         ('obstacle_points', (mask == 255) & matched),
         ('ground_points', (mask == 0) & matched),
     ):
-        cloud = decode_cloud(encode(name, seen))
+        message = encode(name, seen)
+        fields = [field.name for field in message.fields]
+        assert fields[:4] == ['x', 'y', 'z', 'height']
+        cloud = decode_cloud(message)
         np.testing.assert_array_equal(cloud[:, :3], seen.points[where])
         np.testing.assert_array_equal(cloud[:, 3], seen.height[where])
         assert np.isfinite(cloud).all()
         if name == 'obstacle_points':
+            assert fields[4:] == ['confidence']
             np.testing.assert_array_equal(cloud[:, 4], np.float32(seen.obstacles[0].confidence))
 
 
-def test_clouds_name_their_fields():
-    seen = detection()
-    names = {
-        name: [field.name for field in encode(name, seen).fields]
-        for name in ('obstacle_points', 'ground_points')
-    }
-    assert names == {
-        'obstacle_points': ['x', 'y', 'z', 'height', 'confidence'],
-        'ground_points': ['x', 'y', 'z', 'height'],
-    }
-
-
-def test_known_pixels_are_told_from_unknown_ones():
+def test_known_image_marks_known_pixels():
     seen = detection()
     message = encode('debug/known', seen)
     assert (message.encoding, message.width, message.height) == ('mono8', 32, 24)
@@ -140,7 +132,7 @@ def test_unknown_pixels_are_in_neither_cloud():
         np.testing.assert_array_equal(cloud[:, :3], seen.points[where])
 
 
-def test_the_disparity_image_gives_depth_by_its_own_formula():
+def test_disparity_image_gives_the_depth_of_the_points():
     seen = detection()
     message = encode('disparity', seen)
     disparity = decode_float_image(message.image, 'disparity')
@@ -154,7 +146,7 @@ def test_the_disparity_image_gives_depth_by_its_own_formula():
     assert message.delta_d == 1 / 16
 
 
-def test_each_obstacle_is_a_box_around_its_points():
+def test_box_encloses_the_points_of_the_obstacle():
     seen = detection()
     clear, box, _ = encode('obstacle_markers', seen).markers
     assert (clear.action, clear.ns) == (3, '')
@@ -170,7 +162,7 @@ def test_each_obstacle_is_a_box_around_its_points():
     assert box.color.a == pytest.approx(0.1 + 0.5 * seen.obstacles[0].confidence)
 
 
-def test_each_box_says_above_it_how_sure_and_how_high_the_obstacle_is():
+def test_label_above_the_box_shows_confidence_and_height():
     seen = detection()
     _, box, label = encode('obstacle_markers', seen).markers
     (obstacle,) = seen.obstacles
@@ -184,7 +176,7 @@ def test_each_box_says_above_it_how_sure_and_how_high_the_obstacle_is():
     assert label.pose.position.y + label.scale.z / 2 < top < label.pose.position.y + 0.2
 
 
-def test_a_low_obstacle_has_a_label_without_its_height():
+def test_label_of_a_low_obstacle_shows_confidence_only():
     mask = np.zeros(SHAPE, np.uint8)
     mask[4, 10:20] = 255
     (obstacle,) = detection(mask=mask).obstacles
@@ -192,7 +184,7 @@ def test_a_low_obstacle_has_a_label_without_its_height():
     assert label.text == f'{obstacle.confidence:.2f}'
 
 
-def test_the_surer_an_obstacle_the_more_solid_its_box():
+def test_box_is_more_opaque_with_higher_confidence():
     mask = np.zeros(SHAPE, np.uint8)
     mask[6:8, 8:10] = 255
     mask[14:23, 8:24] = 255
@@ -206,7 +198,7 @@ def test_the_surer_an_obstacle_the_more_solid_its_box():
     assert boxes[0].color.a > boxes[1].color.a > 0
 
 
-def test_an_obstacle_without_3d_has_neither_box_nor_label():
+def test_obstacle_without_3d_points_has_no_markers():
     seen = detection()
     mask = seen.mask.copy()
     mask[0:2, 0:2] = 255
@@ -223,7 +215,7 @@ def test_an_obstacle_without_3d_has_neither_box_nor_label():
         ('debug/roughness_step', roughness_step_picture),
     ],
 )
-def test_pictures_are_published_as_they_are_drawn(name, draw):
+def test_pictures_are_published_unchanged(name, draw):
     message = encode(name, detection())
     assert message.encoding == 'bgr8'
     np.testing.assert_array_equal(decode_image(message, name), draw(detection()))
@@ -232,7 +224,7 @@ def test_pictures_are_published_as_they_are_drawn(name, draw):
 @pytest.mark.filterwarnings('ignore:module .sre_:DeprecationWarning')
 @pytest.mark.parametrize('name', OUTPUTS)
 @pytest.mark.parametrize('empty', [False, True])
-def test_the_live_node_publishes_the_same_bytes_as_the_replay_writes(name, empty):
+def test_live_node_and_replay_make_the_same_bytes(name, empty):
     serialization = pytest.importorskip('rclpy.serialization', reason='needs the extra ros')
     from rover_obstacle_detection.node.rclpy_factory import RclpyFactory
 
@@ -241,13 +233,13 @@ def test_the_live_node_publishes_the_same_bytes_as_the_replay_writes(name, empty
     live_header = make_header(1_700_000_000_123_456_789, 'left_optical', RclpyFactory())
     live = serialization.serialize_message(output.encode(seen, live_header, RclpyFactory()))
     store = FACTORY.typestore
-    # What lies between the fields is left as it was in memory; reading and writing clears it.
+    # Padding bytes between fields are undefined; reading and writing again clears them.
     live = store.serialize_cdr(store.deserialize_cdr(live, output.type_name), output.type_name)
     written = store.serialize_cdr(output.encode(seen, HEADER, FACTORY), output.type_name)
     assert bytes(live) == bytes(written)
 
 
-def test_the_offset_of_the_principal_points_is_taken_off_once():
+def test_principal_point_offset_is_subtracted_once():
     seen = detection()
     verged = dataclasses.replace(seen, camera=dataclasses.replace(CAMERA, cx_right=12.5))
     disparity = decode_float_image(encode('disparity', verged).image, 'disparity')

@@ -35,8 +35,8 @@ FISHEYE = dataclasses.replace(
 )
 
 
-def raw_image_of_dots(info, points, scale=1):
-    """Draw what a camera sees of points given in its rectified frame, as bright dots."""
+def raw_image_of_dots(info, points):
+    """Draw points of the rectified camera frame as bright dots in the raw image."""
     unrectified = points @ np.reshape(info.r, (3, 3))
     nothing = np.zeros(3)
     if info.distortion_model == 'equidistant':
@@ -62,7 +62,7 @@ def centroid(image, column, row, radius=8):
 
 
 @pytest.mark.parametrize('info', [DISTORTED, FISHEYE])
-def test_a_rectified_image_shows_points_where_p_projects_them(info):
+def test_rectified_image_shows_points_where_p_projects_them(info):
     points = np.array([[-0.7, -0.4, 2.0], [0.6, 0.5, 2.0], [0.0, 0.1, 3.0]])
     rectified = Rectification(info, '/left/camera_info')(raw_image_of_dots(info, points))
     for x, y, z in points:
@@ -70,7 +70,7 @@ def test_a_rectified_image_shows_points_where_p_projects_them(info):
         assert centroid(rectified, column, row) == pytest.approx((column, row), abs=0.25)
 
 
-def test_binning_and_region_of_interest_are_honoured():
+def test_rectification_honours_binning_and_region_of_interest():
     roi = SimpleNamespace(x_offset=20, y_offset=10, width=100, height=80)
     info = dataclasses.replace(DISTORTED, binning_x=2, binning_y=2, roi=roi)
     point = np.array([[0.1, 0.05, 2.0]])
@@ -81,7 +81,7 @@ def test_binning_and_region_of_interest_are_honoured():
     assert centroid(rectified, column, row) == pytest.approx((column, row), abs=0.25)
 
 
-def test_only_what_differs_from_a_rectified_image_needs_it():
+def test_needs_rectification_only_with_distortion_rotation_or_other_intrinsics():
     assert not needs_rectification(IDEAL)
     assert not needs_rectification(RIGHT)
     assert needs_rectification(DISTORTED)
@@ -90,7 +90,7 @@ def test_only_what_differs_from_a_rectified_image_needs_it():
     assert needs_rectification(dataclasses.replace(IDEAL, k=(140.0, *K[1:])))
 
 
-def test_a_pair_is_rectified_eye_by_eye():
+def test_only_unrectified_images_of_a_pair_change():
     image = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
     nothing = StereoRectification(StereoCalibration(IDEAL, RIGHT, 'yaml'))
     assert not nothing.is_needed
@@ -114,12 +114,12 @@ def test_a_pair_is_rectified_eye_by_eye():
         ({'d': (0.1, 0.2, 0.3)}, 'D is (0.1, 0.2, 0.3)'),
     ],
 )
-def test_a_calibration_that_cannot_rectify_is_refused(changes, words):
+def test_invalid_calibration_is_refused(changes, words):
     with pytest.raises(CameraError) as caught:
         Rectification(dataclasses.replace(DISTORTED, **changes), '/left/camera_info')
     assert str(caught.value).startswith(f'/left/camera_info: {words}')
 
 
-def test_an_image_of_another_size_is_refused():
-    with pytest.raises(ImageError, match='is 50 x 40, its calibration yaml is for 160 x 120'):
+def test_image_of_another_size_is_refused():
+    with pytest.raises(ImageError, match='is 50 x 40, but its calibration yaml is for 160 x 120'):
         Rectification(DISTORTED, 'yaml')(np.zeros((40, 50), np.uint8))
