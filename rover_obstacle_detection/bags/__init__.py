@@ -1,1 +1,1 @@
-"""Recordings: rosbag2 (mcap, sqlite3) and rosbag1 in, rosbag2 mcap out."""
+"""Read recordings (rosbag2 mcap and sqlite3, rosbag1) and write rosbag2 mcap."""

@@ -1,4 +1,4 @@
-"""The calibration at each moment of a recording, in which it may change."""
+"""The stereo calibration at each moment of a recording."""
 
 from __future__ import annotations
 
@@ -17,45 +17,21 @@ from rover_obstacle_detection.messages.rectification import StereoRectification
 _logger = logging.getLogger(__name__)
 
 
-class FixedCamera:
-    """A camera that was given, whose images are rectified.
-
-    Parameters
-    ----------
-    camera : StereoCamera
-    """
-
-    source = 'the given one'
-    info_topics: AbstractSet[str] = frozenset()
-
-    def __init__(self, camera: StereoCamera) -> None:
-        self.camera = camera
-
-    def rectify(
-        self, left: NDArray[Any], right: NDArray[Any]
-    ) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Pass a pair on."""
-        return left, right
-
-    def take(self, topic: str, message: Any) -> None:
-        """Take no notice of a ``sensor_msgs/CameraInfo``."""
-
-
 class CalibrationWatch:
-    """Takes up each change of calibration once both eyes have it, and rectifies raw images.
+    """Follows calibration changes and rectifies raw images.
 
-    Images whose topics are not named as rectified ones are rectified where the calibration tells
-    of a distortion or a rotation.
+    A change takes effect once both cameras have sent theirs. Images are rectified if their topics
+    have no ``rect`` in the name and the calibration has a distortion or a rotation.
 
     Parameters
     ----------
     calibration : StereoCalibration
-        The one to begin with.
+        The initial calibration.
     topics : StereoTopics
     info_topics : set of str
-        Topics to follow; none if the calibration was given.
+        Topics to follow; empty if the calibration is fixed.
     tolerance_ns : int
-        Largest difference of the stamps of two camera_info that belong together.
+        Largest stamp difference of a left and a right camera_info that belong together.
 
     Raises
     ------
@@ -72,7 +48,7 @@ class CalibrationWatch:
     ) -> None:
         self.info_topics = info_topics
         self.source = calibration.source
-        """Where the calibration comes from: files or topics."""
+        """The files or topics that the calibration comes from."""
         self._topics = topics
         self._tolerance_ns = tolerance_ns
         self._left = (0, calibration.left)
@@ -81,22 +57,23 @@ class CalibrationWatch:
 
     @property
     def camera(self) -> StereoCamera:
-        """The camera now."""
+        """The current camera."""
         return self._calibration.camera
 
     def rectify(
         self, left: NDArray[Any], right: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Make a pair rectified; see `StereoRectification`."""
+        """Rectify a pair of raw images; return rectified ones unchanged."""
         return self._rectification(left, right) if self._rectification else (left, right)
 
     def take(self, topic: str, message: Any) -> None:
-        """Take a ``sensor_msgs/CameraInfo``.
+        """Process a ``sensor_msgs/CameraInfo``.
 
         Raises
         ------
         CameraError
-            If it makes no stereo camera with the other eye's; the former calibration stays.
+            If it does not form a stereo camera with the other side's. The previous calibration
+            stays in use.
         """
         newest = stamp_ns(message.header), CameraInfo.from_message(message)
         if topic == self._topics.left_info:
@@ -114,7 +91,8 @@ class CalibrationWatch:
             rectification = StereoRectification(calibration)
             if rectification.is_needed:
                 _logger.warning(
-                    '%s and %s are raw by their names: rectified with K, D, R and P of %s',
+                    '%s and %s are raw images by their names: rectifying them with K, D, R and P '
+                    'of %s',
                     self._topics.left_image,
                     self._topics.right_image,
                     calibration.source,

@@ -1,4 +1,4 @@
-"""Messages of other topics brought to the pair whose stamp they bear."""
+"""Attach messages of other topics to the stereo pair with the same stamp."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from typing import Any, Generic, TypeVar
 
 from rover_obstacle_detection.messages.header import NANOSECONDS_PER_SECOND, stamp_ns
 
+# How long a pair waits for its extra messages, in recording time.
 _WAIT_NS = NANOSECONDS_PER_SECOND
 
 Item = TypeVar('Item')
 
 
 class Extras(Generic[Item]):
-    """Holds each item until every extra topic has brought its message, or a second has passed.
+    """Holds each item until all its extra messages have arrived, for at most one second.
 
     Parameters
     ----------
     topics : sequence of str
-        With none, nothing is held.
+        Extra topics; if empty, items are released at once.
     """
 
     def __init__(self, topics: Sequence[str]) -> None:
@@ -28,20 +29,20 @@ class Extras(Generic[Item]):
         self._held: deque[tuple[int, int, Item]] = deque()
 
     def take(self, topic: str, message: Any) -> None:
-        """Take a message of an extra topic."""
+        """Store a message of an extra topic."""
         waiting = self._messages[topic]
         waiting[stamp_ns(message.header)] = message
         oldest_ns = next(iter(waiting))
-        # Messages that no pair asked for, because an image was lost or not wanted.
+        # Messages whose pair never came, because an image was lost or skipped.
         if stamp_ns(message.header) - oldest_ns > 2 * _WAIT_NS:
             del waiting[oldest_ns]
 
     def hold(self, stamp_ns: int, log_time_ns: int, item: Item) -> None:
-        """Hold an item until its messages are there."""
+        """Queue an item until its messages have arrived."""
         self._held.append((stamp_ns, log_time_ns, item))
 
     def ready(self, log_time_ns: int | None) -> Iterator[tuple[Item, Mapping[str, Any]]]:
-        """Release, in order, what is complete or has waited too long; with None everything."""
+        """Yield, in order, the items that are complete or overdue; all of them if time is None."""
         while self._held:
             stamp, held_ns, item = self._held[0]
             found = {

@@ -1,4 +1,4 @@
-"""Reading recordings of ROS 2 (mcap, sqlite3) and ROS 1, whatever state they are in."""
+"""Read recordings of ROS 2 (mcap, sqlite3) and ROS 1, including damaged ones."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rover_obstacle_detection.bags.sources import Entry, Source, open_sources, read_failure
+from rover_obstacle_detection.bags.source import Entry, Source
+from rover_obstacle_detection.bags.sources import open_sources, read_failure
 from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
-from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import BagError, CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 
 
 @dataclass(frozen=True)
 class BadMessage:
-    """A message that its type's definition cannot make sense of."""
+    """A message that cannot be decoded, and why."""
 
     topic: str
     log_time_ns: int
@@ -26,13 +26,13 @@ class BadMessage:
 
 
 class BagReader:
-    """An open recording; made by `open_bag`.
+    """An open recording; created by `open_bag`.
 
     Parameters
     ----------
     path : Path
     sources : collection of Source
-        Its files.
+        The files of the recording.
     """
 
     def __init__(self, path: Path, sources: Collection[Source]) -> None:
@@ -41,17 +41,17 @@ class BagReader:
         self.topics = {
             topic: type_name for source in sources for topic, type_name in source.topics.items()
         }
-        """Type of each topic."""
+        """Message type of each topic."""
         spans = [source.span_ns for source in sources if source.span_ns is not None]
         self.start_ns = min((start for start, _ in spans), default=0)
-        """Time of the first message; 0 if there is none."""
+        """Log time of the first message; 0 if there are no messages."""
         self.end_ns = max((end for _, end in spans), default=0)
-        """Time after the last message."""
+        """1 ns after the last message; 0 if there are no messages."""
         self.notes = tuple(note for source in sources if (note := source.note))
-        """What is wrong with the recording although it can be read."""
+        """Damage found; the part before it can be read."""
 
     def message_count(self, topic: str) -> int:
-        """Count the messages of a topic; 0 if there is no such topic."""
+        """Count the messages of a topic; 0 if the topic does not exist."""
         return sum(source.message_count(topic) for source in self._sources)
 
     def messages(
@@ -60,22 +60,22 @@ class BagReader:
         start_ns: int | None = None,
         end_ns: int | None = None,
     ) -> Iterator[tuple[str, int, Any]]:
-        """Read messages in the order of their times, as they are asked for.
+        """Yield messages in time order, reading them on demand.
 
         Parameters
         ----------
         topics : collection of str
         start_ns, end_ns : int, optional
-            From the first time, up to but without the second.
+            Span of log times, excluding `end_ns`; the whole recording if omitted.
 
         Yields
         ------
-        topic, log_time_ns, message : str, int and message or BadMessage
+        topic, log_time_ns, message : str, int, message or BadMessage
 
         Raises
         ------
         BagError
-            If the recording is broken from here on.
+            If the rest of the recording cannot be read.
         """
         for entry in self._entries(topics, start_ns, end_ns):
             message = _attempt(entry, entry.source.deserialize)
@@ -87,7 +87,7 @@ class BagReader:
         start_ns: int | None = None,
         end_ns: int | None = None,
     ) -> Iterator[tuple[str, int, bytes | memoryview | BadMessage]]:
-        """Read messages as `messages` does, but as ROS 2 sends them (CDR), not decoded."""
+        """Yield messages as `messages` does, but in ROS 2 wire format (CDR) instead of decoded."""
         for entry in self._entries(topics, start_ns, end_ns):
             message = _attempt(entry, entry.source.serialized)
             yield entry.topic, entry.log_time_ns, message
@@ -106,29 +106,30 @@ class BagReader:
                 return
             yield entry
 
-    def stereo_topics(self, **given: str | None) -> StereoTopics:
+    def stereo_topics(
+        self, *, left_image: str | None = None, right_image: str | None = None
+    ) -> StereoTopics:
         """Find the stereo camera's topics; see `find_stereo_topics`.
 
         Raises
         ------
         BagError
-            With the recording's path in front.
+            As `find_stereo_topics`, with the recording's path in front.
         """
         try:
-            return find_stereo_topics(self.topics, **given)
+            return find_stereo_topics(self.topics, left_image=left_image, right_image=right_image)
         except BagError as error:
-            msg = f'{self.path}: {error}'
-            raise BagError(msg) from None
+            raise BagError(f'{self.path}: {error}') from None
 
     def calibration(self, topics: StereoTopics) -> StereoCalibration:
-        """Read the first camera_info of each eye.
+        """Read the first camera_info of each camera.
 
         Raises
         ------
         BagError
-            If there is none.
+            If a camera has none.
         CameraError
-            If no depth can be computed from them.
+            If no depth can be computed from this calibration.
         """
         left, right = (
             self._first_info(image, info)
@@ -140,27 +141,21 @@ class BagReader:
         try:
             return StereoCalibration(left, right, f'{topics.left_info} and {topics.right_info}')
         except CameraError as error:
-            msg = f'{self.path}: {error}'
-            raise CameraError(msg) from None
-
-    def camera(self, topics: StereoTopics) -> StereoCamera:
-        """Make the stereo camera of the first camera_info of each eye; see `calibration`."""
-        return self.calibration(topics).camera
+            raise CameraError(f'{self.path}: {error}') from None
 
     def _first_info(self, image: str, info: str | None) -> CameraInfo:
-        where = info or 'no camera_info topic'
+        missing = 'no camera_info topic'
         if info is not None:
             for _, _, message in self.messages([info]):
                 if isinstance(message, BadMessage):
-                    msg = f'{self.path}: {info}: {message.reason}'
-                    raise BagError(msg)
+                    raise BagError(f'{self.path}: {info}: {message.reason}')
                 return CameraInfo.from_message(message)
-            where = f'{info} has no messages'
-        msg = (
-            f'{self.path}: no calibration for {image} ({where}): expected sensor_msgs/CameraInfo '
-            'beside it, or calibration files with --left-info and --right-info'
+            missing = f'{info} has no messages'
+        raise BagError(
+            f'{self.path}: no calibration for {image} ({missing}): expected a '
+            'sensor_msgs/CameraInfo topic next to it, or calibration files given with --left-info '
+            'and --right-info'
         )
-        raise BagError(msg)
 
 
 def _attempt(entry: Entry, convert: Callable[[Entry], Any]) -> Any:
@@ -179,13 +174,20 @@ def open_bag(path: str | Path) -> Iterator[BagReader]:
     ----------
     path : str or Path
         A rosbag2 folder, one of its files (``.mcap``, ``.db3``), or a rosbag1 file (``.bag``).
-        A folder whose metadata.yaml is missing and an mcap file whose end is missing, as after
-        a loss of power, are read as far as they go.
+        A folder without metadata.yaml and an mcap file without its end, as left by a power loss,
+        are read as far as possible.
 
     Raises
     ------
     BagError
-        One line that names the path: no such recording, none at all, empty, cut short.
+        If it does not exist, is not a recording, is empty or cannot be read; one line that names
+        the path.
     """
     with ExitStack() as stack:
         yield BagReader(Path(path), open_sources(Path(path), stack))
+
+
+def bag_name(path: Path) -> str:
+    """Return a recording's name: its folder, or its file without the suffix."""
+    resolved = path.resolve()
+    return resolved.name if resolved.is_dir() else resolved.stem

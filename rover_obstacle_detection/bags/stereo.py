@@ -1,4 +1,4 @@
-"""Stereo pairs out of a recording, decoded, with the camera that took them."""
+"""Read decoded, rectified stereo pairs from a recording, with their camera."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.bags.calibration_watch import CalibrationWatch, FixedCamera
+from rover_obstacle_detection.bags.calibration_watch import CalibrationWatch
 from rover_obstacle_detection.bags.extras import Extras
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.topics import StereoTopics
@@ -24,12 +24,13 @@ from rover_obstacle_detection.messages.image import decode_any_image
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
 
+# Images that wait for their partner; one second at 30 Hz.
 _QUEUE_SIZE = 30
 
 
 @dataclass(frozen=True, eq=False)
 class StereoPair:
-    """A decoded, rectified pair.
+    """A decoded, rectified stereo pair.
 
     Parameters
     ----------
@@ -40,10 +41,10 @@ class StereoPair:
     left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
         Grey or BGR.
     left_header : std_msgs/Header
-        Of the left image, as a message that a `BagWriter` takes.
+        Header of the left image, as a message for `BagWriter`.
     camera : StereoCamera
     extras : mapping of str to message
-        Messages of the extra topics with the left image's stamp; a topic without one is missing.
+        Message of each extra topic with the left image's stamp; topics without one are absent.
     """
 
     stamp_ns: int
@@ -57,7 +58,7 @@ class StereoPair:
 
 @dataclass(frozen=True)
 class BadFrame:
-    """A message or a pair that cannot be used, and why."""
+    """A message or pair that cannot be used, and why."""
 
     stamp_ns: int
     topic: str
@@ -68,43 +69,49 @@ def read_pairs(
     bag: BagReader,
     topics: StereoTopics,
     *,
-    camera: StereoCamera | StereoCalibration | None = None,
+    calibration: StereoCalibration | None = None,
     tolerance_ns: int | None = None,
     start_s: float = 0.0,
     duration_s: float | None = None,
     every: int = 1,
     extra_topics: Sequence[str] = (),
 ) -> StereoPairs:
-    """Read the stereo pairs of a recording, one at a time.
+    """Iterate over the stereo pairs of a recording, decoding them on demand.
+
+    Images are rectified if their topics have no ``rect`` in the name.
 
     Parameters
     ----------
     bag : BagReader
     topics : StereoTopics
-    camera : StereoCamera or StereoCalibration, optional
-        Instead of the recording's camera_info. With a StereoCamera images are taken to be
-        rectified; with a calibration those whose topics are not named so are rectified first.
+    calibration : StereoCalibration, optional
+        Replaces the recording's camera_info.
     tolerance_ns : int, optional
-        Largest difference of the stamps of a pair; None: they must be equal.
+        Largest stamp difference of a pair; None requires equal stamps.
     start_s, duration_s : float, optional
-        The part of the recording to read, seconds from its start.
+        The part of the recording to read, in seconds from its start.
     every : int
-        Decode and return each n-th pair only.
+        Decode and return only every n-th pair.
     extra_topics : sequence of str
-        Topics whose messages with the stamp of a pair come with it.
+        Topics whose messages are attached to the pair with the same stamp.
 
     Raises
     ------
     BagError
-        If there is no calibration; while reading, if the recording is broken, or its images have
-        another size than the calibration.
+        If there is no calibration. While iterating, if the recording cannot be read further or
+        the first images do not have the calibration's size.
     CameraError
         If no depth can be computed from the calibration.
     """
+    infos = () if calibration else (topics.left_info, topics.right_info)
+    info_topics = {name for name in infos if name is not None}
+    watch = CalibrationWatch(
+        calibration or bag.calibration(topics), topics, info_topics, tolerance_ns or 0
+    )
     return StereoPairs(
         bag,
         topics,
-        _watch(bag, topics, camera, tolerance_ns or 0),
+        watch,
         StereoPairing(tolerance_ns, _QUEUE_SIZE),
         window_ns=_window_ns(bag, start_s, duration_s),
         every=every,
@@ -112,29 +119,14 @@ def read_pairs(
     )
 
 
-def _watch(
-    bag: BagReader,
-    topics: StereoTopics,
-    camera: StereoCamera | StereoCalibration | None,
-    tolerance_ns: int,
-) -> CalibrationWatch | FixedCamera:
-    if isinstance(camera, StereoCamera):
-        return FixedCamera(camera)
-    infos = {name for name in (topics.left_info, topics.right_info) if name is not None}
-    if camera is None:
-        return CalibrationWatch(bag.calibration(topics), topics, infos, tolerance_ns)
-    # A given calibration does not change on the way.
-    return CalibrationWatch(camera, topics, set(), tolerance_ns)
-
-
 class StereoPairs(Iterator['StereoPair | BadFrame']):
-    """The pairs of a recording as they are read, and the counts up to now; see `read_pairs`."""
+    """The pairs of a recording and the counts so far; see `read_pairs`."""
 
     def __init__(
         self,
         bag: BagReader,
         topics: StereoTopics,
-        watch: CalibrationWatch | FixedCamera,
+        watch: CalibrationWatch,
         pairing: StereoPairing,
         *,
         window_ns: tuple[int, int],
@@ -153,11 +145,11 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         self._decoded_pairs = 0
         self._frames = self._read()
         self.bad_frames = 0
-        """Messages and pairs that could not be used."""
+        """Number of messages and pairs that could not be used so far."""
 
     @property
     def statistics(self) -> PairingStatistics:
-        """The counts of the pairing."""
+        """Counts of received, paired and unmatched images so far."""
         return self._pairing.statistics
 
     def __next__(self) -> StereoPair | BadFrame:
@@ -201,9 +193,8 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
     ) -> Iterator[StereoPair | BadFrame]:
         stamp = stamp_ns(message.header)
         if stamp <= 0:
-            reason = (
-                f'{topic}: header.stamp is {stamp / NANOSECONDS_PER_SECOND:g} s: expected more'
-            )
+            stamp_s = stamp / NANOSECONDS_PER_SECOND
+            reason = f'{topic}: header.stamp is {stamp_s:g} s: expected more than 0'
             yield BadFrame(log_time_ns, topic, reason)
             return
         is_left = topic == self._topics.left_image
@@ -240,11 +231,10 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
     def _check_sizes(self, left: NDArray[Any], right: NDArray[Any]) -> None:
         topics = self._topics
         if left.shape[:2] != right.shape[:2]:
-            msg = (
+            raise ImageError(
                 f'{topics.right_image} is {_size(right.shape)}, {topics.left_image} is '
                 f'{_size(left.shape)}: expected the same size'
             )
-            raise ImageError(msg)
         expected = self._watch.camera.shape
         if left.shape[:2] == expected:
             return
@@ -255,9 +245,8 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         )
         if self._decoded_pairs:
             raise ImageError(msg)
-        # Both eyes agree from the start: not a bad frame but another camera's calibration.
-        msg = f'{self._bag.path}: {msg}'
-        raise BagError(msg)
+        # If the first pair does not fit, the calibration is wrong, not the frame.
+        raise BagError(f'{self._bag.path}: {msg}')
 
 
 def _size(shape: tuple[int, ...]) -> str:

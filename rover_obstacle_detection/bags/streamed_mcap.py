@@ -1,6 +1,7 @@
-"""Mcap files read from the beginning, without the index at their end.
+"""Read an mcap file from the start, without its index.
 
-A loss of power leaves them without it, and some recorders do not write ROS's profile.
+The index at the end is missing after a power loss. Some recorders omit the ROS profile, which the
+rosbags library requires.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from rover_obstacle_detection.bags.sources import Entry, choose_typestore
+from rover_obstacle_detection.bags.source import Entry, choose_typestore
 from rover_obstacle_detection.messages.rosbags_factory import ros2_typestore
 
 _ROS_ENCODING = 'cdr'
 
 
 class StreamedMcap:
-    """The messages of an mcap file that come before its first unreadable record.
+    """The messages of an mcap file before its first unreadable record; see `Source`.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ class StreamedMcap:
         self._counts: Counter[str] = Counter()
         self.span_ns: tuple[int, int] | None = None
         self.failure = ''
-        """What is wrong with the first unreadable record; empty if all can be read."""
+        """Error of the first unreadable record; empty if the file is intact."""
         self._scan()
         self._typestore = get_typestore(Stores.EMPTY)
         self._register_types()
@@ -46,8 +47,8 @@ class StreamedMcap:
         self.note = ''
         if self.failure:
             self.note = (
-                f'{path}: cut short or damaged ({self.failure}): read as far as it goes, '
-                f'{self._counts.total()} messages'
+                f'{path}: cut short or damaged ({self.failure}); '
+                f'{self._counts.total()} messages can be read'
             )
 
     def message_count(self, topic: str) -> int:
@@ -57,7 +58,7 @@ class StreamedMcap:
     def messages(
         self, topics: Collection[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[Entry]:
-        """Read messages in the order of the file, which recorders write as they come."""
+        """Yield messages in file order, which is the order of recording."""
         for topic, type_name, message in self._read():
             time_ns = message.log_time
             if (
@@ -68,12 +69,12 @@ class StreamedMcap:
                 yield Entry(topic, time_ns, type_name, message.data, self)
 
     def deserialize(self, entry: Entry) -> Any:
-        """Make the message of an entry."""
+        """Decode an entry into a message object."""
         typestore = choose_typestore(entry.type_name, self._typestore, ros2_typestore())
         return typestore.deserialize_cdr(entry.data, entry.type_name)
 
     def serialized(self, entry: Entry) -> bytes:
-        """Give the message of an entry as ROS 2 sends it (CDR)."""
+        """Return an entry in ROS 2 wire format (CDR)."""
         return entry.data
 
     def _scan(self) -> None:
@@ -84,7 +85,7 @@ class StreamedMcap:
 
     def _read(self) -> Iterator[tuple[str, str, Message]]:
         with self._path.open('rb') as file:
-            # A damaged length must not make it ask for more memory than the file has bytes.
+            # A damaged length field must not allocate more memory than the file size.
             limit = self._path.stat().st_size
             records = StreamReader(file, record_size_limit=limit).records
             while True:
@@ -114,7 +115,7 @@ class StreamedMcap:
             try:
                 types = get_types_from_msg(schema.data.decode(), schema.name)
             except (TypesysError, UnicodeDecodeError):
-                # Its messages, should anyone ask for them, are bad ones; the others are not.
+                # Only messages of this type become unreadable.
                 continue
             known = self._typestore.fielddefs
             self._typestore.register({name: types[name] for name in types.keys() - known.keys()})

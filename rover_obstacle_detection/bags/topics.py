@@ -1,9 +1,9 @@
-"""The stereo camera's topics in a recording, found by their names or given."""
+"""The stereo camera's topics in a recording, given or found by name."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 
@@ -12,24 +12,26 @@ from rover_obstacle_detection.errors import BagError
 IMAGE_TYPE = 'sensor_msgs/msg/Image'
 COMPRESSED_TYPE = 'sensor_msgs/msg/CompressedImage'
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
+IMAGE_TYPES = (IMAGE_TYPE, COMPRESSED_TYPE)
 
-_EYES = {'left': 'right', 'infra1': 'infra2'}
-_LEFT_WORD = re.compile(rf'(?<![a-z])({"|".join(_EYES)})(?![a-z0-9])', re.I)
-_RIGHT_WORD = re.compile(rf'(?<![a-z])({"|".join(_EYES.values())})(?![a-z0-9])', re.I)
-# Words of a path component that tell of the image, not of the camera: left_raw is left's raw.
+# Words that name the left camera, with their right counterparts; infra1/infra2 is RealSense.
+_COUNTERPARTS = {'left': 'right', 'infra1': 'infra2'}
+_LEFT_WORD = re.compile(rf'(?<![a-z])({"|".join(_COUNTERPARTS)})(?![a-z0-9])', re.I)
+_RIGHT_WORD = re.compile(rf'(?<![a-z])({"|".join(_COUNTERPARTS.values())})(?![a-z0-9])', re.I)
+# These words describe the image, not the camera: left_raw and left are one camera.
 _IMAGE_WORDS = re.compile(
     r'(?<![a-z])(camera_info|image|raw|rect|colou?r|gr[ae]y|mono)(?![a-z])', re.I
 )
-_OTHER_PICTURES = re.compile(
+_NOT_CAMERA_IMAGES = re.compile(
     r'depth|disparity|mask|label|instance|segment|semantic|confidence|normal|debug|detection', re.I
 )
 _TRANSPORT = '/compressed'
-_LISTED = 12
+_LISTED_TOPICS = 12  # in an error message
 
 
 @dataclass(frozen=True)
 class StereoTopics:
-    """The four topics of one stereo camera; an info topic is None where there is none."""
+    """The four topics of a stereo camera; an info topic is None if the recording has none."""
 
     left_image: str
     right_image: str
@@ -38,23 +40,18 @@ class StereoTopics:
 
     @property
     def namespace(self) -> str:
-        """What the image topics have in common before the eye: ``/stereo``, or empty."""
+        """Common prefix of the image topics, such as ``/stereo``; may be empty."""
         parts = zip(self.left_image.split('/'), self.right_image.split('/'), strict=False)
         return '/'.join(left for left, _ in takewhile(lambda pair: pair[0] == pair[1], parts))
 
     @property
     def is_rectified(self) -> bool:
-        """Whether the images are rectified by ROS's convention: ``rect`` in the name."""
+        """Whether both image topics have ``rect`` in their name, ROS's convention."""
         return all('rect' in _base_name(name) for name in (self.left_image, self.right_image))
 
 
 def find_stereo_topics(
-    topics: Mapping[str, str],
-    *,
-    left_image: str | None = None,
-    right_image: str | None = None,
-    left_info: str | None = None,
-    right_info: str | None = None,
+    topics: Mapping[str, str], *, left_image: str | None = None, right_image: str | None = None
 ) -> StereoTopics:
     """Find the topics of the stereo camera.
 
@@ -63,45 +60,37 @@ def find_stereo_topics(
     Parameters
     ----------
     topics : mapping of str to str
-        Type of each topic of the recording.
-    left_image, right_image, left_info, right_info : str, optional
-        Topics to take instead of looking for them by name.
+        Message type of each topic in the recording.
+    left_image, right_image : str, optional
+        Image topics to use; found by name if omitted.
 
     Raises
     ------
     BagError
-        If there is no stereo camera, more than one, or a given topic is not there: with the
-        topics that there are.
+        If there is no stereo camera or more than one, or if a given topic does not exist or is
+        not an image. The message lists the topics of the recording.
     """
-    _check_given(topics, (left_image, right_image), (IMAGE_TYPE, COMPRESSED_TYPE))
-    _check_given(topics, (left_info, right_info), (INFO_TYPE,))
+    for given in (left_image, right_image):
+        _check_given(topics, given)
     if left_image is None or right_image is None:
         left_image, right_image = _find_images(topics, left_image, right_image)
     if left_image == right_image:
-        msg = f'left and right are both {left_image}: expected two topics'
-        raise BagError(msg)
-    left_found = _find_info(topics, left_image, _LEFT_WORD)
-    right_found = _find_info(topics, right_image, _RIGHT_WORD)
-    if left_found == right_found:
-        # One camera_info beside both images can be neither eye's for sure.
-        left_found = right_found = None
-    return StereoTopics(
-        left_image, right_image, left_info or left_found, right_info or right_found
-    )
+        raise BagError(f'left and right image topic are both {left_image}: expected two topics')
+    left_info = _find_info(topics, left_image, _LEFT_WORD)
+    right_info = _find_info(topics, right_image, _RIGHT_WORD)
+    if left_info == right_info:
+        # A camera_info that both images share describes neither camera reliably.
+        left_info = right_info = None
+    return StereoTopics(left_image, right_image, left_info, right_info)
 
 
-def _check_given(
-    topics: Mapping[str, str], names: Iterable[str | None], types: tuple[str, ...]
-) -> None:
-    for name in names:
-        if name is None:
-            continue
-        if name not in topics:
-            msg = f'no topic {name}: {_contents(topics, types)}'
-            raise BagError(msg)
-        if topics[name] not in types:
-            msg = f'topic {name} is {topics[name]}: expected {" or ".join(types)}'
-            raise BagError(msg)
+def _check_given(topics: Mapping[str, str], name: str | None) -> None:
+    if name is None:
+        return
+    if name not in topics:
+        raise BagError(f'no topic {name}: {_contents(topics, IMAGE_TYPES)}')
+    if topics[name] not in IMAGE_TYPES:
+        raise BagError(f'topic {name} is {topics[name]}: expected {" or ".join(IMAGE_TYPES)}')
 
 
 def _find_images(
@@ -112,8 +101,10 @@ def _find_images(
         pairs = [pair for pair in pairs if left == pair[0] or right == pair[1]]
         if not pairs:
             given, other = (left, 'right') if left is not None else (right, 'left')
-            msg = f'no {other} partner of {given}: choose it with --{other}-topic; '
-            raise BagError(msg + _contents(topics))
+            raise BagError(
+                f'no {other} image topic matches {given}: give --{other}-topic; '
+                f'{_contents(topics)}'
+            )
         return pairs[0]
     cameras: dict[str, list[tuple[str, str]]] = {}
     for pair in pairs:
@@ -123,8 +114,9 @@ def _find_images(
     best = [min(each, key=lambda pair: _rank(pair[0], topics)) for each in cameras.values()]
     if len(best) > 1:
         listed = '; '.join(f'{one} and {other}' for one, other in sorted(best))
-        msg = f'{len(best)} stereo cameras: {listed}: '
-        raise BagError(msg + 'choose one with --left-topic and --right-topic')
+        raise BagError(
+            f'{len(best)} stereo cameras: {listed}: choose one with --left-topic and --right-topic'
+        )
     return best[0]
 
 
@@ -133,36 +125,38 @@ def _image_pairs(topics: Mapping[str, str]) -> list[tuple[str, str]]:
     for name in sorted(topics):
         if not _is_camera_image(name, topics):
             continue
-        for partner in _partners(name):
+        for partner in _right_names(name):
             if topics.get(partner) == topics[name]:
                 pairs.append((name, partner))
                 break
     return pairs
 
 
-def _partners(left: str) -> list[str]:
-    """Names of the right topic that a left one may have: one word exchanged, or all of them."""
+def _right_names(left: str) -> list[str]:
+    """Names that the right topic may have: one left word replaced, or all of them."""
     words = list(_LEFT_WORD.finditer(left))
     one = [
-        left[: word.start()] + _opposite(word.group()) + left[word.end() :]
+        left[: word.start()] + _counterpart(word.group()) + left[word.end() :]
         for word in reversed(words)
     ]
-    return [*one, _LEFT_WORD.sub(lambda word: _opposite(word.group()), left)] if words else []
+    return [*one, _LEFT_WORD.sub(lambda word: _counterpart(word.group()), left)] if words else []
 
 
-def _opposite(eye: str) -> str:
-    opposite = _EYES[eye.lower()]
-    if eye.isupper():
-        return opposite.upper()
-    return opposite.capitalize() if eye[0].isupper() else opposite
+def _counterpart(word: str) -> str:
+    """Return the right word for a left one, in the same case."""
+    counterpart = _COUNTERPARTS[word.lower()]
+    if word.isupper():
+        return counterpart.upper()
+    return counterpart.capitalize() if word[0].isupper() else counterpart
 
 
 def _is_camera_image(name: str, topics: Mapping[str, str]) -> bool:
-    if topics[name] not in (IMAGE_TYPE, COMPRESSED_TYPE):
+    if topics[name] not in IMAGE_TYPES:
         return False
-    # What comes before the eye is a namespace and says nothing of the picture.
-    eye = _LEFT_WORD.search(name) or _RIGHT_WORD.search(name)
-    return not _OTHER_PICTURES.search(name, name.rfind('/', 0, eye.start()) + 1 if eye else 0)
+    # The part before the left or right word is a namespace and does not describe the image.
+    side = _LEFT_WORD.search(name) or _RIGHT_WORD.search(name)
+    start = name.rfind('/', 0, side.start()) + 1 if side else 0
+    return not _NOT_CAMERA_IMAGES.search(name, start)
 
 
 def _base_name(topic: str) -> str:
@@ -170,6 +164,7 @@ def _base_name(topic: str) -> str:
 
 
 def _rank(topic: str, topics: Mapping[str, str]) -> tuple[int, bool, str]:
+    """Sort key of image topics, the preferred one first."""
     base = _base_name(topic)
     if base == 'image_rect':
         kind = 0
@@ -180,43 +175,43 @@ def _rank(topic: str, topics: Mapping[str, str]) -> tuple[int, bool, str]:
     return kind, topics[topic] == COMPRESSED_TYPE, topic
 
 
-def _camera_key(topic: str, eye: re.Pattern[str]) -> str:
-    """Name of the camera that a topic belongs to: its path up to and without the eye."""
-    words = list(eye.finditer(topic))
+def _camera_key(topic: str, side: re.Pattern[str]) -> str:
+    """Identify a topic's camera: its path without the left or right word and what follows."""
+    words = list(side.finditer(topic))
     if not words:
         return topic
     word = words[-1]
     start = topic.rfind('/', 0, word.start()) + 1
     end = topic.find('/', word.end())
     component = topic[start:] if end < 0 else topic[start:end]
-    rest = _IMAGE_WORDS.sub('', eye.sub('', component)).strip('_')
+    rest = _IMAGE_WORDS.sub('', side.sub('', component)).strip('_')
     return topic[:start] + rest
 
 
-def _find_info(topics: Mapping[str, str], image: str, eye: re.Pattern[str]) -> str | None:
-    beside = image.removesuffix(_TRANSPORT).rpartition('/')[0] + '/camera_info'
-    if topics.get(beside) == INFO_TYPE:
-        return beside
-    key = _camera_key(image, eye)
-    same = [
+def _find_info(topics: Mapping[str, str], image: str, side: re.Pattern[str]) -> str | None:
+    sibling = image.removesuffix(_TRANSPORT).rpartition('/')[0] + '/camera_info'
+    if topics.get(sibling) == INFO_TYPE:
+        return sibling
+    key = _camera_key(image, side)
+    same_camera = (
         name
         for name, type_name in sorted(topics.items())
-        if type_name == INFO_TYPE and eye.search(name) and _camera_key(name, eye) == key
-    ]
-    return same[0] if same else None
+        if type_name == INFO_TYPE and side.search(name) and _camera_key(name, side) == key
+    )
+    return next(same_camera, None)
 
 
 def _no_pair(topics: Mapping[str, str]) -> str:
     images = [name for name in sorted(topics) if _is_camera_image(name, topics)]
-    for eye, other, words in (
+    for side, other, words in (
         ('left', 'right', _LEFT_WORD),
         ('right', 'left', _RIGHT_WORD),
     ):
-        lonely = [name for name in images if words.search(name)]
-        if lonely:
+        unpaired = [name for name in images if words.search(name)]
+        if unpaired:
             return (
-                f'only images of the {eye} eye: {", ".join(lonely[:_LISTED])}: expected '
-                f'a {other} one of the same name and type, or --left-topic and --right-topic'
+                f'only {side} images: {", ".join(unpaired[:_LISTED_TOPICS])}: expected '
+                f'a {other} topic of the same name and type, or --left-topic and --right-topic'
             )
     return (
         f'no stereo topics: {_contents(topics)}: expected names such as left/image_rect and '
@@ -225,9 +220,10 @@ def _no_pair(topics: Mapping[str, str]) -> str:
 
 
 def _contents(topics: Mapping[str, str], types: tuple[str, ...] = ()) -> str:
+    """List the topics of the given types, or all topics if there are none of these."""
     wanted = [name for name in topics if topics[name] in types] or list(topics)
     if not wanted:
-        return 'it holds no topics'
-    listed = [f'{name} ({topics[name]})' for name in sorted(wanted)[:_LISTED]]
+        return 'the recording has no topics'
+    listed = [f'{name} ({topics[name]})' for name in sorted(wanted)[:_LISTED_TOPICS]]
     more = len(wanted) - len(listed)
-    return f'it holds {", ".join(listed)}' + (f' and {more} more' if more else '')
+    return f'the recording has {", ".join(listed)}' + (f' and {more} more' if more else '')

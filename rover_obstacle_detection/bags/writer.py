@@ -1,4 +1,4 @@
-"""Writing rosbag2 recordings (mcap): whole or not at all."""
+"""Write rosbag2 recordings (mcap) atomically."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 
 
 class BagWriter:
-    """Writes a rosbag2 folder with one mcap file and its type definitions.
+    """Writes a rosbag2 folder with one mcap file, including the message definitions.
 
-    A context manager: the recording is written beside `path` and takes its name when the block
-    ends well; when it ends in an exception, nothing of it stays.
+    Use it as a context manager. The recording is written to a temporary folder next to `path`
+    and renamed when the block ends. An exception discards it.
 
     Parameters
     ----------
     path : str or Path
-        The folder to make.
+        The folder to create.
     compress : bool
-        With zstd. Masks and labels shrink a hundredfold, camera images and clouds by a third,
-        at some 60 MB/s.
+        Compress with zstd, at about 60 MB/s. Masks and labels shrink a hundredfold, camera images
+        and clouds by a third.
 
     Raises
     ------
@@ -45,14 +45,13 @@ class BagWriter:
 
     def __enter__(self) -> BagWriter:
         if self.path.exists():
-            msg = f'{self.path} exists already: expected the name of a new recording'
-            raise OutputError(msg)
+            raise OutputError(f'{self.path}: already exists: expected a new folder')
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._partial = Path(
                 tempfile.mkdtemp(prefix=f'.{self.path.name}-', dir=self.path.parent)
             )
-            # The folder within has the final name, which the files in it are called after.
+            # rosbags names the files after the folder, so the inner folder has the final name.
             self._writer = Writer(
                 self._partial / self.path.name,
                 version=9,
@@ -67,21 +66,21 @@ class BagWriter:
         return self
 
     def add(self, topic: str, type_name: str, message: Any, stamp_ns: int) -> None:
-        """Add a message that `factory` made, or rosbags read.
+        """Write a message made by `factory` or read by rosbags.
 
         Parameters
         ----------
         topic : str
         type_name : str
-            Such as ``sensor_msgs/msg/Image``.
+            For example ``sensor_msgs/msg/Image``.
         message
         stamp_ns : int
-            Time of the message in the recording.
+            Log time of the message.
 
         Raises
         ------
         OutputError
-            If it cannot be written.
+            If the message cannot be written.
         """
         assert self._writer is not None
         typestore = self.factory.typestore

@@ -148,7 +148,7 @@ def labelled_frames(
     pairs = read_pairs(
         bag,
         topics,
-        camera=load_stereo_calibration(*files) if files else None,
+        calibration=load_stereo_calibration(*files) if files else None,
         every=options.every,
         extra_topics=truth.stamped,
     )

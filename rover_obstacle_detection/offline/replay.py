@@ -109,7 +109,7 @@ def replay_bag(
         pairs = read_pairs(
             bag,
             topics,
-            camera=calibration,
+            calibration=calibration,
             tolerance_ns=options.tolerance_ns,
             start_s=options.start_s,
             duration_s=options.duration_s,

@@ -1,4 +1,4 @@
-"""Recordings that are none, or no longer whole: one clear line, or what is left of them."""
+"""Damaged, truncated and missing recordings: read what is left, or fail with one clear line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from recordings import (
     FRAME_NS,
     ROS1,
-    ROS2,
     START_NS,
     stereo_messages,
     text_messages,
@@ -27,25 +26,35 @@ KINDS = ['mcap chunks', 'mcap one chunk', 'mcap rosbags', 'sqlite3', 'rosbag1', 
 
 
 def read_all(path):
-    """Open a recording as a replay does and read every message; return how many."""
+    """Open a recording as a replay does, read every message and return their number."""
     with open_bag(path) as bag:
-        topics = bag.stereo_topics()
-        bag.camera(topics)
+        bag.calibration(bag.stereo_topics())
         return sum(1 for _ in bag.messages(list(bag.topics)))
 
 
-def one_line_error(path):
+def error_of(path):
     with pytest.raises((BagError, CameraError)) as caught:
         read_all(path)
-    assert str(caught.value).startswith(str(path))
-    assert '\n' not in str(caught.value)
-    return str(caught.value)
+    line = str(caught.value)
+    assert line.startswith(str(path))
+    assert '\n' not in line
+    return line
+
+
+def read_or_fail_clearly(path):
+    """Return the number of messages, or 0 after a known error of one line."""
+    try:
+        return read_all(path)
+    except (BagError, CameraError) as error:
+        assert str(path) in str(error)  # noqa: PT017
+        assert '\n' not in str(error)  # noqa: PT017
+        return 0
 
 
 @pytest.fixture(scope='module')
-def whole(tmp_path_factory):
-    """One intact recording of each kind, as (the path to open, the file to damage)."""
-    folder = tmp_path_factory.mktemp('whole')
+def intact(tmp_path_factory):
+    """One intact recording of each kind, as (path to open, file to damage)."""
+    folder = tmp_path_factory.mktemp('intact')
     messages = stereo_messages(4)
     chunks = write_mcap(folder / 'chunks.mcap', messages, chunk_size=500)
     one = write_mcap(folder / 'one.mcap', messages)
@@ -63,8 +72,15 @@ def whole(tmp_path_factory):
     }
 
 
-def damaged_copy(whole, kind, target, change):
-    path, file = whole[kind]
+def positions(size):
+    """Draw byte positions, often in the headers at the start and the indices at the end."""
+    return st.one_of(
+        st.integers(0, size - 1), st.integers(0, 200), st.integers(size - 600, size - 1)
+    )
+
+
+def damaged_copy(intact, kind, target, change):
+    path, file = intact[kind]
     copy = target / path.name
     (shutil.copytree if path.is_dir() else shutil.copy)(path, copy)
     damaged = copy / file.name if path.is_dir() else copy
@@ -74,57 +90,40 @@ def damaged_copy(whole, kind, target, change):
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_the_intact_recordings_are_read(whole, kind):
-    assert read_all(whole[kind][0]) == 16
+def test_intact_recordings_are_read(intact, kind):
+    assert read_all(intact[kind][0]) == 16
 
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 @pytest.mark.parametrize('kind', KINDS)
-def test_wherever_it_is_cut_only_a_known_error_comes_out(whole, tmp_path_factory, kind, data):
-    size = whole[kind][1].stat().st_size
-    # The beginning and the end hold the headers and indices.
-    kept = data.draw(
-        st.one_of(st.integers(0, size - 1), st.integers(0, 200), st.integers(size - 600, size - 1))
-    )
-    copy = damaged_copy(whole, kind, tmp_path_factory.mktemp('cut'), lambda whole: whole[:kept])
-    try:
-        assert read_all(copy) <= 16
-    except (BagError, CameraError) as error:
-        assert str(copy) in str(error)  # noqa: PT017
-        assert '\n' not in str(error)  # noqa: PT017
+def test_a_recording_cut_anywhere_raises_only_known_errors(intact, tmp_path_factory, kind, data):
+    kept = data.draw(positions(intact[kind][1].stat().st_size))
+    copy = damaged_copy(intact, kind, tmp_path_factory.mktemp('cut'), lambda data: data[:kept])
+    assert read_or_fail_clearly(copy) <= 16
     shutil.rmtree(copy.parent)
 
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 @pytest.mark.parametrize('kind', KINDS)
-def test_whatever_byte_is_damaged_only_a_known_error_comes_out(
-    whole, tmp_path_factory, kind, data
-):
-    size = whole[kind][1].stat().st_size
-    position = data.draw(
-        st.one_of(st.integers(0, size - 1), st.integers(0, 200), st.integers(size - 600, size - 1))
-    )
+def test_any_damaged_byte_raises_only_known_errors(intact, tmp_path_factory, kind, data):
+    position = data.draw(positions(intact[kind][1].stat().st_size))
     value = data.draw(st.integers(0, 255))
 
-    def change(whole):
-        whole[position] = value
-        return whole
+    def change(content):
+        content[position] = value
+        return content
 
-    copy = damaged_copy(whole, kind, tmp_path_factory.mktemp('damaged'), change)
-    try:
-        read_all(copy)
-    except (BagError, CameraError) as error:
-        assert str(copy) in str(error)  # noqa: PT017
-        assert '\n' not in str(error)  # noqa: PT017
+    copy = damaged_copy(intact, kind, tmp_path_factory.mktemp('damaged'), change)
+    read_or_fail_clearly(copy)
     shutil.rmtree(copy.parent)
 
 
 @pytest.mark.parametrize('kind', ['mcap chunks', 'mcap rosbags'])
-def test_an_mcap_without_its_end_is_read_up_to_the_cut(whole, tmp_path, kind):
-    size = whole[kind][1].stat().st_size
-    copy = damaged_copy(whole, kind, tmp_path, lambda data: data[: size - 40])
+def test_an_mcap_without_its_end_is_read_up_to_the_cut(intact, tmp_path, kind):
+    size = intact[kind][1].stat().st_size
+    copy = damaged_copy(intact, kind, tmp_path, lambda data: data[: size - 40])
     with open_bag(copy) as bag:
         assert len(bag.notes) == 1
         assert str(copy) in bag.notes[0]
@@ -132,21 +131,21 @@ def test_an_mcap_without_its_end_is_read_up_to_the_cut(whole, tmp_path, kind):
         assert '16 messages' in bag.notes[0]
         assert bag.message_count(LEFT) == 4
         assert (bag.start_ns, bag.end_ns) == (START_NS, START_NS + 3 * FRAME_NS + 1)
-        assert bag.camera(bag.stereo_topics()).fx == 40
+        assert bag.calibration(bag.stereo_topics()).camera.fx == 40
         times = [time_ns for _, time_ns, _ in bag.messages([LEFT], START_NS + 1)]
     assert times == [START_NS + n * FRAME_NS for n in (1, 2, 3)]
 
 
-def test_half_an_mcap_gives_its_first_half(whole, tmp_path):
-    size = whole['mcap chunks'][1].stat().st_size
-    copy = damaged_copy(whole, 'mcap chunks', tmp_path, lambda data: data[: size // 2])
+def test_half_an_mcap_yields_the_messages_before_the_cut(intact, tmp_path):
+    size = intact['mcap chunks'][1].stat().st_size
+    copy = damaged_copy(intact, 'mcap chunks', tmp_path, lambda data: data[: size // 2])
     count = read_all(copy)
     assert 4 <= count < 16
 
 
-def test_a_folder_after_a_loss_of_power_is_read_up_to_the_cut(whole, tmp_path):
-    size = whole['folder'][1].stat().st_size
-    copy = damaged_copy(whole, 'folder', tmp_path, lambda data: data[: size - 40])
+def test_a_folder_left_by_a_power_loss_is_read_up_to_the_cut(intact, tmp_path):
+    size = intact['folder'][1].stat().st_size
+    copy = damaged_copy(intact, 'folder', tmp_path, lambda data: data[: size - 40])
     (copy / 'metadata.yaml').unlink()
     assert read_all(copy) == 16
     (copy / 'metadata.yaml').write_bytes(b'')
@@ -154,60 +153,59 @@ def test_a_folder_after_a_loss_of_power_is_read_up_to_the_cut(whole, tmp_path):
 
 
 @pytest.mark.parametrize('name', ['bag', 'bag.mcap', 'bag.db3', 'bag.bag'])
-def test_no_such_recording(tmp_path, name):
-    assert one_line_error(tmp_path / name).endswith('no such recording')
+def test_missing_recording(tmp_path, name):
+    assert error_of(tmp_path / name).endswith('no such recording')
 
 
 @pytest.mark.parametrize('name', ['bag.mcap', 'bag.db3', 'bag.bag'])
-def test_an_empty_file(tmp_path, name):
+def test_empty_file(tmp_path, name):
     (tmp_path / name).touch()
-    assert 'is empty (0 bytes)' in one_line_error(tmp_path / name)
+    assert 'is empty (0 bytes)' in error_of(tmp_path / name)
 
 
 @pytest.mark.parametrize('name', ['bag.mcap', 'bag.db3', 'bag.bag'])
-def test_a_file_that_only_has_the_name_of_a_recording(tmp_path, name):
+def test_text_in_a_file_named_like_a_recording(tmp_path, name):
     (tmp_path / name).write_text('no recording at all\n' * 20)
-    assert 'cannot be read, is it cut short or damaged?' in one_line_error(tmp_path / name)
+    assert 'cannot be read; is it cut short or damaged?' in error_of(tmp_path / name)
 
 
-def test_a_file_of_another_kind(tmp_path):
+def test_file_with_another_suffix(tmp_path):
     (tmp_path / 'notes.txt').write_text('no recording')
-    line = one_line_error(tmp_path / 'notes.txt')
-    assert 'is not a recording: expected a rosbag2 folder, or a file .mcap, .db3, .bag' in line
+    line = error_of(tmp_path / 'notes.txt')
+    assert 'is not a recording: expected a rosbag2 folder or a .mcap, .db3, .bag file' in line
 
 
-def test_a_folder_of_other_things(tmp_path):
+def test_folder_without_a_recording(tmp_path):
     (tmp_path / 'notes.txt').write_text('no recording')
-    assert 'is not a recording: the folder has no metadata.yaml' in one_line_error(tmp_path)
+    assert 'is not a recording: the folder has no metadata.yaml' in error_of(tmp_path)
 
 
-def test_metadata_whose_files_are_gone(tmp_path):
+def test_metadata_without_its_files(tmp_path):
     folder = write_ros2(tmp_path / 'bag', text_messages())
     next(folder.glob('*.mcap')).unlink()
-    assert 'files are missing' in one_line_error(folder)
+    assert 'files are missing' in error_of(folder)
 
 
-def test_a_recording_without_messages(tmp_path):
+def test_recording_without_messages(tmp_path):
     folder = write_ros2(tmp_path / 'bag', [])
-    assert 'no stereo topics: it holds no topics' in one_line_error(folder)
+    assert 'no stereo topics: the recording has no topics' in error_of(folder)
 
 
-def test_a_rosbag1_that_was_not_closed(whole, tmp_path):
+def test_rosbag1_that_was_not_closed(intact, tmp_path):
     def forget_index(data):
         at = data.index(b'index_pos=') + len(b'index_pos=')
         data[at : at + 8] = bytes(8)
         return data
 
-    copy = damaged_copy(whole, 'rosbag1', tmp_path, forget_index)
-    assert 'reindex' in one_line_error(copy)
+    copy = damaged_copy(intact, 'rosbag1', tmp_path, forget_index)
+    assert 'reindex' in error_of(copy)
 
 
-def test_custom_types_that_cannot_be_parsed_do_not_stop_the_salvage(tmp_path):
+def test_invalid_message_definitions_do_not_stop_a_salvage(tmp_path):
     messages = stereo_messages(3) + text_messages()
     path = write_mcap(tmp_path / 'bag.mcap', messages, chunk_size=300)
     data = path.read_bytes().replace(b'string data', b'?!ring data')
     path.write_bytes(data[:-40])
     with open_bag(path) as bag:
-        assert bag.camera(bag.stereo_topics()).fx == 40
+        assert bag.calibration(bag.stereo_topics()).camera.fx == 40
         assert len(list(bag.messages([LEFT]))) == 3
-    assert ROS2.typestore.types

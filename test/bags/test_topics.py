@@ -10,14 +10,14 @@ from rover_obstacle_detection.errors import BagError
 
 
 def topics(*names):
-    """Give each topic the type that its name tells of."""
+    """Map each topic to the message type that its name implies."""
     types = {'compressed': COMPRESSED, 'camera_info': INFO, 'log': TEXT}
     return {name: types.get(name.rpartition('/')[2], IMAGE) for name in names}
 
 
 def both(*names):
-    """Name the topics of both eyes, `{}` standing for the eye."""
-    return topics(*(name.format(eye) for name in names for eye in ('left', 'right')))
+    """Return the left and right topic for each name; `{}` stands for the side."""
+    return topics(*(name.format(side) for name in names for side in ('left', 'right')))
 
 
 @pytest.mark.parametrize(
@@ -40,11 +40,11 @@ def both(*names):
 def test_topics_are_found_by_name_in_any_namespace(name, info):
     kinds = {
         **both(name),
-        **{info.format(eye): INFO for eye in ('left', 'right')},
+        **{info.format(side): INFO for side in ('left', 'right')},
         '/log': TEXT,
     }
     assert find_stereo_topics(kinds) == StereoTopics(
-        *(each.format(eye) for each in (name, info) for eye in ('left', 'right'))
+        *(each.format(side) for each in (name, info) for side in ('left', 'right'))
     )
 
 
@@ -77,7 +77,7 @@ PREFERENCE = [
 
 
 @given(st.sets(st.sampled_from(PREFERENCE), min_size=1), st.randoms())
-def test_rectified_is_preferred_over_raw_grey_over_colour_plain_over_compressed(names, random):
+def test_rectified_grey_uncompressed_images_are_preferred(names, random):
     kinds = list(both(*names).items())
     random.shuffle(kinds)
     best = min(names, key=PREFERENCE.index)
@@ -86,7 +86,7 @@ def test_rectified_is_preferred_over_raw_grey_over_colour_plain_over_compressed(
     assert found.is_rectified == ('rect' in best)
 
 
-def test_a_raw_topic_beside_a_rectified_one_is_the_same_camera():
+def test_raw_and_rectified_topics_belong_to_one_camera():
     kinds = both('/zed/{}/image_rect_color', '/zed/{}_raw/image_raw_color')
     assert find_stereo_topics(kinds).left_image == '/zed/left/image_rect_color'
 
@@ -95,24 +95,24 @@ def test_a_raw_topic_beside_a_rectified_one_is_the_same_camera():
     'other',
     ['{}/depth', '{}/disparity', 'depth_{}/image', '{}/image_rect/compressedDepth'],
 )
-def test_other_pictures_are_not_camera_images(other):
+def test_derived_images_are_not_camera_images(other):
     assert find_stereo_topics(both('/s/{}/image', f'/s/{other}')).left_image == '/s/left/image'
     with pytest.raises(BagError, match='no stereo topics'):
         find_stereo_topics(both(f'/s/{other}'))
 
 
-def test_an_eye_that_is_part_of_a_word_is_none():
+def test_left_and_right_within_a_word_do_not_count():
     with pytest.raises(BagError, match='no stereo topics'):
         find_stereo_topics(topics('/leftover/image_raw', '/rightover/image_raw'))
 
 
-def test_arms_that_are_left_and_right_do_not_confuse_the_eyes():
+def test_left_in_the_namespace_does_not_name_the_camera():
     kinds = both('/left_arm/camera/{}/image_rect')
     found = find_stereo_topics(kinds)
     assert found.right_image == '/left_arm/camera/right/image_rect'
 
 
-def test_several_cameras_are_listed_and_can_be_chosen_from():
+def test_several_cameras_are_listed_and_one_can_be_chosen():
     kinds = both('/front/{}/image_rect', '/front/{}/camera_info', '/rear/{}/image_raw')
     with pytest.raises(BagError) as caught:
         find_stereo_topics(kinds)
@@ -131,22 +131,14 @@ def test_several_cameras_are_listed_and_can_be_chosen_from():
     assert rear == StereoTopics('/rear/left/image_raw', '/rear/right/image_raw')
 
 
-def test_topics_of_any_names_can_be_given():
+def test_given_topics_may_have_any_name():
     kinds = topics('/cam0/image', '/cam1/image', '/cam0/camera_info', '/cam1/camera_info')
     found = find_stereo_topics(kinds, left_image='/cam0/image', right_image='/cam1/image')
     assert (found.left_info, found.right_info) == ('/cam0/camera_info', '/cam1/camera_info')
     assert found.namespace == ''
-    swapped = find_stereo_topics(
-        kinds,
-        left_image='/cam0/image',
-        right_image='/cam1/image',
-        left_info='/cam1/camera_info',
-        right_info='/cam0/camera_info',
-    )
-    assert (swapped.left_info, swapped.right_info) == ('/cam1/camera_info', '/cam0/camera_info')
 
 
-def test_a_camera_info_that_both_eyes_would_share_is_none():
+def test_a_shared_camera_info_is_not_used():
     kinds = topics('/left', '/right', '/camera_info')
     assert find_stereo_topics(kinds) == StereoTopics('/left', '/right')
 
@@ -162,7 +154,7 @@ def test_a_camera_info_that_both_eyes_would_share_is_none():
         ('/rover/cam0/image', '/rover'),
     ],
 )
-def test_the_namespace_is_what_comes_before_the_eye(image, namespace):
+def test_the_namespace_is_the_common_prefix(image, namespace):
     right = image.replace('left', 'right').replace('cam0', 'cam1')
     assert StereoTopics(image, right).namespace == namespace
 
@@ -170,52 +162,51 @@ def test_the_namespace_is_what_comes_before_the_eye(image, namespace):
 @pytest.mark.parametrize(
     ('kinds', 'given', 'words'),
     [
-        (topics('/log'), {}, 'no stereo topics: it holds /log (std_msgs/msg/String): expected'),
-        ({}, {}, 'no stereo topics: it holds no topics'),
+        (
+            topics('/log'),
+            {},
+            'no stereo topics: the recording has /log (std_msgs/msg/String)',
+        ),
+        ({}, {}, 'no stereo topics: the recording has no topics'),
         (
             topics('/s/left/image_rect', '/log'),
             {},
-            'only images of the left eye: /s/left/image_rect: expected a right one',
+            'only left images: /s/left/image_rect: expected a right topic',
         ),
         (
             topics('/s/right/image_rect'),
             {},
-            'only images of the right eye: /s/right/image_rect: expected a left one',
+            'only right images: /s/right/image_rect: expected a left topic',
         ),
         (
             topics('/s/left/image_rect', '/s/right/image_raw'),
             {},
-            'only images of the left eye: /s/left/image_rect',
+            'only left images: /s/left/image_rect',
         ),
         (
             topics('/s/left/image', '/log'),
             {'left_image': '/none'},
-            'no topic /none: it holds /s/left/image (sensor_msgs/msg/Image)',
+            'no topic /none: the recording has /s/left/image (sensor_msgs/msg/Image)',
         ),
         (topics('/log'), {'left_image': '/log'}, 'topic /log is std_msgs/msg/String: expected'),
         (
-            both('/s/{}/image'),
-            {'left_info': '/s/left/image'},
-            'topic /s/left/image is sensor_msgs/msg/Image: expected sensor_msgs/msg/CameraInfo',
-        ),
-        (
             topics('/cam0/image', '/cam1/image'),
             {'left_image': '/cam0/image'},
-            'no right partner of /cam0/image: choose it with --right-topic; it holds',
+            'no right image topic matches /cam0/image: give --right-topic; the recording has',
         ),
         (
             both('/s/{}/image'),
             {'left_image': '/s/left/image', 'right_image': '/s/left/image'},
-            'left and right are both /s/left/image: expected two topics',
+            'left and right image topic are both /s/left/image: expected two topics',
         ),
     ],
 )
-def test_what_is_missing_is_said_with_what_there_is(kinds, given, words):
+def test_errors_list_the_topics_of_the_recording(kinds, given, words):
     with pytest.raises(BagError) as caught:
         find_stereo_topics(kinds, **given)
     assert str(caught.value).startswith(words)
 
 
-def test_a_long_list_is_cut():
+def test_a_long_topic_list_is_shortened():
     with pytest.raises(BagError, match=r'/t00 .*/t11 .* and 28 more: expected'):
         find_stereo_topics({f'/t{number:02}': TEXT for number in range(40)})

@@ -33,7 +33,7 @@ def written(request, tmp_path):
     return tmp_path / 'out' / 'detections'
 
 
-def test_what_was_written_is_read_again(written):
+def test_a_written_recording_can_be_read(written):
     with open_bag(written) as bag:
         assert bag.topics == {MASK: IMAGE, POINTS: CLOUD}
         assert bag.notes == ()
@@ -44,7 +44,7 @@ def test_what_was_written_is_read_again(written):
         np.testing.assert_array_equal(decode_image(message, MASK), pixels(number))
 
 
-def test_rosbags_reads_it_without_being_told_the_types(written):
+def test_rosbags_reads_it_without_standard_definitions(written):
     with AnyReader([written]) as reader:
         for connection, _, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
@@ -52,7 +52,7 @@ def test_rosbags_reads_it_without_being_told_the_types(written):
         assert reader.message_count == 6
 
 
-def test_the_mcap_package_reads_it(written):
+def test_the_mcap_package_decodes_it(written):
     with (written / 'detections.mcap').open('rb') as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         read = [(channel.topic, each) for _, channel, _, each in reader.iter_decoded_messages()]
@@ -68,7 +68,7 @@ def test_the_mcap_package_reads_it(written):
         assert mask.header.frame_id == 'left_optical'
 
 
-def test_nothing_stays_when_the_writing_is_broken_off(tmp_path):
+def test_an_exception_leaves_nothing_behind(tmp_path):
     target = tmp_path / 'detections'
 
     def write_and_fail():
@@ -82,7 +82,7 @@ def test_nothing_stays_when_the_writing_is_broken_off(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_empty_recording_is_one_too(tmp_path):
+def test_an_empty_recording_can_be_read(tmp_path):
     with BagWriter(tmp_path / 'detections'):
         pass
     with open_bag(tmp_path / 'detections') as bag:
@@ -90,21 +90,21 @@ def test_an_empty_recording_is_one_too(tmp_path):
         assert (bag.start_ns, bag.end_ns) == (0, 0)
 
 
-def test_what_exists_is_not_overwritten(tmp_path):
+def test_an_existing_folder_is_not_overwritten(tmp_path):
     (tmp_path / 'detections').mkdir()
-    with pytest.raises(OutputError, match='exists already'), BagWriter(tmp_path / 'detections'):
+    with pytest.raises(OutputError, match='already exists'), BagWriter(tmp_path / 'detections'):
         pass
     assert list(tmp_path.iterdir()) == [tmp_path / 'detections']
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
+def test_an_unwritable_path_is_named(tmp_path):
     (tmp_path / 'file').touch()
     target = tmp_path / 'file' / 'detections'
     with pytest.raises(OutputError, match=f'{target}: cannot be written: '), BagWriter(target):
         pass
 
 
-def test_a_full_disk_is_named_and_nothing_stays(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_and_leaves_nothing_behind(tmp_path, monkeypatch):
     target = tmp_path / 'detections'
 
     def fill_up():

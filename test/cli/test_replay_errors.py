@@ -113,7 +113,7 @@ def _broken_jpeg(path):
         (_empty_folder, r'recording: is not a recording'),
         (_truncated, r'recording\.mcap: cut short or damaged.*--salvage'),
         (_other_topics, r'no stereo topics.*/imu/data'),
-        (lambda path: _bag(path, sides=('left',)), r'only images of the left eye'),
+        (lambda path: _bag(path, sides=('left',)), r'only left images'),
         (lambda path: _bag(path, infos=False), r'no calibration for /cam/left/image_rect'),
         (_with_infos(_set_p(3, 0.0)), r'P\[3\].*baseline is'),
         (_with_infos(_set_p(3, 20.0, ('right',))), r'baseline is -.*swapped'),

@@ -71,7 +71,7 @@ def test_a_labelled_bag_holds_what_was_put_in(tmp_path):
     path = written(tmp_path / 'two', frames, drive={'frames': 2, 'period_s': 0.25})
     with open_bag(path) as bag:
         assert set(bag.topics) == TOPICS
-        camera = bag.camera(bag.stereo_topics())
+        camera = bag.calibration(bag.stereo_topics()).camera
         assert (camera.fx, camera.cx, camera.cy) == (CAMERA.fx, CAMERA.cx, CAMERA.cy)
         assert camera.baseline_m == pytest.approx(CAMERA.baseline_m)
         stamps, at = set(), {}
@@ -134,7 +134,7 @@ def test_nothing_half_written_stays(tmp_path):
 
 def test_an_existing_bag_is_not_overwritten(tmp_path):
     written(tmp_path / 'one', [frame(0)])
-    with pytest.raises(OutputError, match='exists already'):
+    with pytest.raises(OutputError, match='already exists'):
         written(tmp_path / 'one', [frame(0)])
 
 
