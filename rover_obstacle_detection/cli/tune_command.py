@@ -1,10 +1,11 @@
-"""``rover-obstacles tune``: parameters learned from labelled bags."""
+"""``rover-obstacles tune``: optimise parameters on labelled bags."""
 
 from __future__ import annotations
 
 import argparse
 import logging
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,11 +20,6 @@ from rover_obstacle_detection.cli.arguments import (
 from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.evaluation.weights import Weights
-from rover_obstacle_detection.tuning.space import (
-    TUNED_BY_DEFAULT,
-    Bounds,
-    search_range,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,15 +28,16 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.tuning.scenes import TuningScene
     from rover_obstacle_detection.tuning.tune import TuneOptions, TuningResult
 
-DESCRIPTION = f"""\
-Choose the detector's parameters by labelled bags, and see whether they hold on bags that had no
-part in the choice (extra tune).
+# Names the defaults in words: importing tuning needs Optuna.
+DESCRIPTION = """\
+Optimise the detector's parameters on labelled bags, and check them on held-out bags (extra tune).
 
-Held out are the bags named with --held-out; else, where some are called tune_* and others
-report_*, the latter; else three in ten. What is written are all parameters as a ROS parameter
-file, for the node and for --params.
+Held-out bags: those of --held-out. Otherwise, if some bags are named tune_* and others report_*,
+the latter. Otherwise 30 % of the bags. The output is a complete ROS parameter file for the node
+and for --params.
 
-tuned by default: {', '.join(TUNED_BY_DEFAULT)}
+tuned by default: core_share, core_noises, outline_probability, smoothness,
+correlation_window_size, uniqueness_ratio, speckle_size
 """
 EPILOG = """\
 examples:
@@ -52,33 +49,33 @@ examples:
 """
 LOGGER = logging.getLogger(__name__)
 MEMORY_MB = 2000
-MANY_PROBLEMS = 3
+MAX_PROBLEMS_SHOWN = 3
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         'tune',
-        help='choose parameters by labelled bags (extra tune)',
+        help='optimise parameters on labelled bags (extra tune)',
         description=DESCRIPTION,
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        'bags', nargs='+', metavar='BAG', type=Path, help='labelled bag, as evaluate takes it'
+        'bags', nargs='+', metavar='BAG', type=Path, help='labelled bag, as for evaluate'
     )
     _add_input_arguments(parser)
     _add_held_out_arguments(parser)
     _add_search_arguments(parser)
-    add_parameter_arguments(parser.add_argument_group('parameters to start from'))
+    add_parameter_arguments(parser.add_argument_group('initial parameters'))
     output = parser.add_argument_group('output')
     output.add_argument(
         '-o', '--output', metavar='YAML', type=Path, required=True, help='parameter file to write'
     )
     output.add_argument(
-        '--json', metavar='FILE', type=Path, help='write every trial and figure here'
+        '--json', metavar='FILE', type=Path, help='also write all trials and figures to this file'
     )
-    output.add_argument('--force', action='store_true', help='replace files that exist')
+    output.add_argument('--force', action='store_true', help='replace existing files')
     parser.set_defaults(run=run)
 
 
@@ -88,20 +85,19 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         '--labels-topic',
         metavar='TOPIC',
-        help='instances are looked for beside it (default: the one called truth/labels)',
+        help='topic of the labels; instances are expected next to it (default: truth/labels)',
     )
     group.add_argument(
         '--memory',
         metavar='MB',
         type=positive_int,
         default=MEMORY_MB,
-        help='the frames are kept, 4 MB for 1024 x 768; refuse more than this (default: '
-        f'{MEMORY_MB})',
+        help=f'memory limit for the frames, 4 MB each at 1024 x 768 (default: {MEMORY_MB})',
     )
 
 
 def _add_held_out_arguments(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group('bags held out').add_mutually_exclusive_group()
+    group = parser.add_argument_group('held-out bags').add_mutually_exclusive_group()
     group.add_argument(
         '--held-out',
         nargs='+',
@@ -109,20 +105,20 @@ def _add_held_out_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='BAG',
         type=Path,
         default=[],
-        help='bags not to tune on; they may be among the others, too',
+        help='bags to hold out; they may also be among the others',
     )
     group.add_argument(
         '--held-out-share',
         metavar='SHARE',
-        type=_share,
-        help='share of the bags, chosen by name and seed; 0: none (default: 0.3)',
+        type=_number(float, 0, 1, '0 or more, less than 1'),
+        help='share of the bags to hold out, chosen by name and seed; 0: none (default: 0.3)',
     )
     group.add_argument(
         '--folds',
         metavar='N',
-        type=_folds,
-        help='tune on all bags, and N more times without one N-th of them, on which the figures '
-        'are then made: takes N + 1 times as long, and is surer with few bags',
+        type=_number(int, 2, math.inf, '2 or more'),
+        help='cross-validate: tune on all bags, and once without each of N folds. Takes N + 1 '
+        'times as long; more reliable with few bags',
     )
 
 
@@ -131,11 +127,10 @@ def _add_search_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         '--parameter',
         metavar='NAME',
-        type=_parameter,
         action='append',
         default=[],
         dest='parameters',
-        help='tune this one, and not those by default; may be repeated',
+        help='tune this parameter instead of the default ones; may be repeated',
     )
     group.add_argument(
         '--range',
@@ -144,104 +139,83 @@ def _add_search_arguments(parser: argparse.ArgumentParser) -> None:
         action='append',
         default=[],
         dest='ranges',
-        help='values to try of a parameter; may be repeated',
+        help='range of a parameter; may be repeated',
     )
     group.add_argument(
         '--trials',
         metavar='N',
         type=positive_int,
         default=60,
-        help='sets of parameters to try, the first of them that to start from (default: 60)',
+        help='parameter sets to try, including the initial one (default: 60)',
     )
     group.add_argument(
-        '--seconds', metavar='SECONDS', type=positive_seconds, help='begin no trial after this'
+        '--seconds', metavar='SECONDS', type=positive_seconds, help='start no trial after this'
     )
-    group.add_argument('--seed', metavar='N', type=_seed, default=0, help='(default: 0)')
-    for name, meaning, default in (
-        ('missed', 'all obstacles missed', Weights.missed),
-        ('false-alarm', 'one false alarm in every frame', Weights.false_alarm),
+    group.add_argument(
+        '--seed',
+        metavar='N',
+        type=_number(int, 0, 2**32, 'a whole number, 0 or more'),
+        default=0,
+        help='(default: 0)',
+    )
+    for name, mistake, default in (
+        ('missed', 'missing every obstacle', Weights.missed),
+        ('false-alarm', 'one false alarm per frame', Weights.false_alarm),
     ):
         group.add_argument(
             f'--{name}-weight',
             metavar='WEIGHT',
-            type=_weight,
+            type=_number(float, 0, math.inf, '0 or more'),
             default=default,
-            help=f'what {meaning} cost, in mean IoU (default: {default:g})',
+            help=f'cost of {mistake}, in units of mean IoU (default: {default:g})',
         )
 
 
-def _parameter(text: str) -> str:
-    try:
-        search_range(text)
-    except ConfigurationError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
-    return text
+def _number(
+    kind: type[int] | type[float], low: float, end: float, expected: str
+) -> Callable[[str], float]:
+    """Return an argument type for numbers of at least `low` and less than `end`."""
+
+    def parse(text: str) -> float:
+        try:
+            value: float = kind(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value < end:
+            msg = f'{text!r}: expected {expected}'
+            raise argparse.ArgumentTypeError(msg)
+        return value
+
+    return parse
 
 
-def _range(text: str) -> tuple[str, Bounds]:
+def _range(text: str) -> tuple[str, tuple[float, float]]:
     name, _, bounds = text.partition('=')
     try:
         low, high = map(float, bounds.split(':'))
     except ValueError as error:
         msg = f'{text!r}: expected NAME=LOW:HIGH, such as dark_grey_level=10:80'
         raise argparse.ArgumentTypeError(msg) from error
-    try:
-        search_range(name, (low, high))
-    except ConfigurationError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
     return name, (low, high)
 
 
-def _share(text: str) -> float:
-    value = _number(text)
-    if not 0 <= value < 1:
-        msg = f'{text!r}: expected 0 or more, less than 1'
-        raise argparse.ArgumentTypeError(msg)
-    return value
-
-
-def _weight(text: str) -> float:
-    value = _number(text)
-    if not 0 <= value < math.inf:
-        msg = f'{text!r}: expected 0 or more'
-        raise argparse.ArgumentTypeError(msg)
-    return value
-
-
-def _folds(text: str) -> int:
-    value = positive_int(text)
-    if value < 2:
-        msg = f'{text!r}: expected 2 or more'
-        raise argparse.ArgumentTypeError(msg)
-    return value
-
-
-def _seed(text: str) -> int:
-    value = _number(text)
-    if not 0 <= value < 2**32 or value != int(value):
-        msg = f'{text!r}: expected a whole number, 0 or more'
-        raise argparse.ArgumentTypeError(msg)
-    return int(value)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
 def run(arguments: argparse.Namespace) -> int:
-    """Tune, print what came of it, and write the parameter file."""
+    """Tune, print the results, and write the parameter file.
+
+    Raises
+    ------
+    MissingExtraError
+        If Optuna is not installed.
+    ObstacleDetectionError
+        If a bag or parameter file cannot be read, or an output file cannot be written.
+    """
     from rover_obstacle_detection.offline.output_file import (
         check_output_file,
         write_json_whole,
         write_whole,
     )
     from rover_obstacle_detection.tuning.report import parameter_file, tuning_json
-    from rover_obstacle_detection.tuning.sampler import tuning_library
 
-    tuning_library()
     start = detector_config(argparse.Namespace(**{**vars(arguments), 'method': None}))
     options = _options(arguments, start)
     for path in (arguments.output, arguments.json):
@@ -262,18 +236,15 @@ def _options(arguments: argparse.Namespace, start: DetectorConfig) -> TuneOption
     from rover_obstacle_detection.tuning.tune import TuneOptions
 
     if start.method != 'hybrid' and not arguments.parameters:
-        msg = f'the parameters tuned by default are of hybrid: name those of {start.method}'
+        msg = f'the default parameters are those of hybrid: name those of {start.method}'
         raise ConfigurationError(f'{msg} with --parameter')
     try:
         ranges = search_ranges(arguments.parameters, dict(arguments.ranges))
     except ConfigurationError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-    for each in ranges:
-        if each.name in ROVER_LIMITS:
-            LOGGER.warning(
-                '%s is what the rover can do: labels cannot tell a better value',
-                each.name,
-            )
+    for name in ranges:
+        if name in ROVER_LIMITS:
+            LOGGER.warning('%s is a limit of the rover: labels cannot show a better value', name)
     return TuneOptions(
         ranges=ranges,
         weights=Weights(arguments.missed_weight, arguments.false_alarm_weight),
@@ -318,40 +289,35 @@ def _read(paths: Sequence[Path], arguments: argparse.Namespace) -> list[TuningSc
     with progress_bars([path.name for path in paths], 'frames') as on_progress:
         scenes = read_scenes(paths, options, arguments.memory * MEGABYTE, on_progress)
     for scene in scenes:
-        for line in scene.problems[:MANY_PROBLEMS]:
+        for line in scene.problems[:MAX_PROBLEMS_SHOWN]:
             report_error(line)
-        if len(scene.problems) > MANY_PROBLEMS:
-            report_error(f'{scene.path}: {len(scene.problems) - MANY_PROBLEMS} more like these')
+        more = len(scene.problems) - MAX_PROBLEMS_SHOWN
+        if more > 0:
+            report_error(f'{scene.path}: {more} more problems')
     return scenes
 
 
 def _print_result(result: TuningResult, options: TuneOptions) -> None:
-    from rover_obstacle_detection.tuning.report import (
-        WORSE,
-        conclusion,
-        parameter_table,
-        scene_table,
-        summary_table,
-        verdict,
-    )
+    from rover_obstacle_detection.tuning import report
     from rover_obstacle_detection.tuning.tune import ALL_TRIALS
 
     tuning = result.tuning
-    tables = [scene_table(result.tuned, 'Tuned on')]
+    tables = [report.scene_table(result.tuned, 'Tuned on')]
     if result.held_out is not None:
-        tables.append(scene_table(result.held_out, f'Held out ({result.reason})'))
-    tables += [summary_table(result, options.weights), parameter_table(tuning, options)]
+        tables.append(report.scene_table(result.held_out, f'Held out ({result.reason})'))
+    tables.append(report.summary_table(result, options.weights))
+    tables.append(report.parameter_table(tuning, options))
     for table in tables:
         print_table(table)
     if result.folds:
         print(
-            'The parameters are tuned on all bags. The figures of held-out bags are those of '
-            'parameters tuned without them.'
+            'The final parameters are tuned on all bags. The held-out figures of each bag come '
+            'from a search without it.'
         )
     if tuning.ended != ALL_TRIALS:
-        print(f'{tuning.ended} after {len(tuning.trials)} trials: the best of these is kept')
-    said = conclusion(result, options.weights)
-    if verdict(result, options.weights) == WORSE:
-        LOGGER.warning(said)
+        print(f'{tuning.ended} after {len(tuning.trials)} trials: keeping the best of them')
+    conclusion = report.conclusion(result, options.weights)
+    if report.verdict(result, options.weights) == report.WORSE:
+        LOGGER.warning(conclusion)
     else:
-        print(said)
+        print(conclusion)

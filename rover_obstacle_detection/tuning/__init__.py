@@ -1,1 +1,15 @@
-"""Parameters learned from labelled recordings (optional extra tune)."""
+"""Optimise detector parameters on labelled recordings (extra ``tune``).
+
+Importing it without Optuna raises `MissingExtraError`.
+"""
+
+from rover_obstacle_detection.errors import MissingExtraError
+
+try:
+    import optuna
+except ImportError as error:
+    raise MissingExtraError(
+        "tuning needs optuna, which is not installed: pip install 'rover_obstacle_detection[tune]'"
+    ) from error
+
+optuna.logging.set_verbosity(optuna.logging.WARNING)

@@ -1,7 +1,8 @@
-"""Labelled recordings read once and kept in memory, to be looked at with many parameters."""
+"""Labelled recordings in memory, evaluated once per trial."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,16 +31,16 @@ MEGABYTE = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class TuningScene:
-    """A recording's labelled frames.
+    """The labelled frames of one recording.
 
     Parameters
     ----------
     name : str
     path : Path
     frames : tuple of LabelledFrame
-        Grey, and without depth.
+        Grey images, without depth.
     problems : tuple of str
-        What could not be used.
+        Messages about frames that were skipped.
     """
 
     name: str
@@ -49,39 +50,36 @@ class TuningScene:
 
     @property
     def memory_bytes(self) -> int:
-        """What the frames take."""
+        """Memory the frames take."""
         return sum(map(_frame_bytes, self.frames))
 
     @property
     def has_obstacles(self) -> bool:
-        """Whether there is anything to find."""
+        """Whether any pixel is labelled as an obstacle."""
         return any(is_obstacle(frame.labels).any() for frame in self.frames)
 
 
 def read_scenes(
     paths: Sequence[Path], options: BagOptions, max_bytes: int, on_progress: OnBagProgress
 ) -> list[TuningScene]:
-    """Read recordings, a scene each.
+    """Read recordings into memory.
 
     Raises
     ------
     ObstacleDetectionError
-        If one cannot be read, has no labels or no frame that can be used, or if together they
-        take more memory than allowed: as soon as that can be told.
+        If a recording cannot be read or has no usable labelled frame, or if the recordings need
+        more than `max_bytes`. The memory is estimated from the first frame of each.
     """
     scenes: list[TuningScene] = []
     for index, (path, name) in enumerate(zip(paths, scene_names(paths), strict=True)):
-
-        def progress(done: int, expected: int, index: int = index) -> None:
-            on_progress(index, done, expected)
-
-        left_bytes = max_bytes - sum(scene.memory_bytes for scene in scenes)
-        scenes.append(_read_scene(path, name, options, left_bytes, progress))
+        free_bytes = max_bytes - sum(scene.memory_bytes for scene in scenes)
+        progress = functools.partial(on_progress, index)
+        scenes.append(_read_scene(path, name, options, free_bytes, progress))
     return scenes
 
 
 def figures_of(config: DetectorConfig, scene: TuningScene) -> Figures:
-    """Run the detector over a scene, and pool the figures of its frames."""
+    """Run the detector over a scene and pool the figures of its frames."""
     return total(
         score(
             Detector(frame.camera, config).detect(frame.left, frame.right).mask,
@@ -101,23 +99,23 @@ def _read_scene(
         problems += bag.notes
         truth = find_truth_topics(bag, options.labels_topic)
         found, expected = labelled_frames(bag, truth, options)
-        # Often only some of the images have labels.
+        # Recordings are often only partly labelled.
         expected = min(expected, bag.message_count(truth.labels))
         for frame in found:
             if isinstance(frame, BadFrame):
                 problems.append(f'{path}: {frame.stamp_ns / 1e9:.3f} s: {frame.reason}')
                 continue
             frames.append(_compact(frame))
-            needed_bytes = max(expected, len(frames)) * _frame_bytes(frames[0])
+            count = max(expected, len(frames))
+            needed_bytes = count * _frame_bytes(frames[0])
             if needed_bytes > max_bytes:
                 msg = (
-                    f'{path}: its {max(expected, len(frames))} frames take '
-                    f'{needed_bytes / MEGABYTE:.0f} MB, and there is room for '
-                    f'{max_bytes / MEGABYTE:.0f}: take fewer with --every N, or allow more with '
-                    '--memory MB'
+                    f'{path}: its {count} frames need {needed_bytes / MEGABYTE:.0f} MB, but '
+                    f'{max_bytes / MEGABYTE:.0f} MB are free: read fewer with --every N, or '
+                    'allow more with --memory MB'
                 )
                 raise ConfigurationError(msg)
-            on_progress(len(frames), max(len(frames), expected))
+            on_progress(len(frames), count)
     if not frames:
         reason = f': {problems[0]}' if problems else ': no pairs of left and right images'
         msg = f'{path}: no labelled frame{reason}'
@@ -126,7 +124,7 @@ def _read_scene(
 
 
 def _compact(frame: LabelledFrame) -> LabelledFrame:
-    """Leave out what neither the detector nor the score looks at."""
+    """Drop what neither the detector nor the score uses."""
     left, right = grey_pair(frame.left, frame.right, frame.camera)
     return replace(frame, left=left, right=right, depth_m=None)
 

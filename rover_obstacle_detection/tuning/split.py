@@ -1,9 +1,9 @@
-"""Which recordings parameters are tuned on, and which are kept from it to tell if they hold."""
+"""Split recordings into a tuning set and a held-out set."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,14 +17,14 @@ REPORT_PREFIXES = ('report_', 'reporting_')
 
 @dataclass(frozen=True)
 class Split:
-    """Recordings to tune on and recordings held out.
+    """A tuning set and a held-out set.
 
     Parameters
     ----------
     tuned, held_out : tuple of Path
         In the order given.
     reason : str
-        How the held-out ones were chosen, or why there are none.
+        How the held-out set was chosen, or why it is empty.
     """
 
     tuned: tuple[Path, ...]
@@ -38,67 +38,66 @@ def split_bags(
     share: float | None = None,
     seed: int = 0,
 ) -> Split:
-    """Choose the recordings that are held out.
+    """Choose the held-out recordings.
 
-    Those that are named; else, if a share is given, so many; else, if some are called ``tune_*``
-    and others ``report_*``, the latter; else 30 %. Always whole recordings: the next frame of a
-    drive shows the same rocks.
+    In order of precedence: `held_out`; `share` of the recordings; those named ``report_*`` if
+    others are named ``tune_*``; 30 %. Recordings are never divided, because consecutive frames
+    show the same rocks.
 
     Parameters
     ----------
     bags : sequence of Path
-        All of them; they may include those that are held out.
+        May include those of `held_out`.
     held_out : sequence of Path
-        Those to be held out.
     share : float, optional
-        Share of the recordings to hold out: at least one, but not the last. With 0 none.
+        At least one recording is held out and at least one is kept. 0 holds out none.
     seed : int
-        Of the choice by share.
+        Seed of the choice by share.
 
     Raises
     ------
     ConfigurationError
         If a recording is given twice, or none is left to tune on.
     """
-    _refuse_twice(bags)
-    _refuse_twice(held_out)
+    _refuse_duplicates(bags)
+    _refuse_duplicates(held_out)
     if held_out:
         tuned = tuple(bag for bag in bags if not any(_is_same(bag, each) for each in held_out))
         if not tuned:
             msg = 'every bag is held out: none is left to tune on'
             raise ConfigurationError(msg)
-        return Split(tuned, tuple(held_out), 'as asked for')
+        return Split(tuned, tuple(held_out), 'as requested')
     if share is None:
         reported = [bag for bag in bags if bag_name(bag).startswith(REPORT_PREFIXES)]
         if reported and any(bag_name(bag).startswith(TUNE_PREFIXES) for bag in bags):
             return _split(bags, reported, 'by name: report_*')
+        share = HELD_OUT_SHARE
     if share == 0:
-        return Split(tuple(bags), (), 'as asked for')
+        return _split(bags, (), 'as requested')
     if len(bags) == 1:
-        return Split(tuple(bags), (), 'there is one bag only')
-    share = HELD_OUT_SHARE if share is None else share
+        return _split(bags, (), 'only one bag given')
     count = min(max(round(share * len(bags)), 1), len(bags) - 1)
     return _split(bags, shuffled(bags, seed)[:count], f'{count} of {len(bags)}, seed {seed}')
 
 
 def folds_of(bags: Sequence[Path], count: int, seed: int = 0) -> tuple[tuple[Path, ...], ...]:
-    """Share the recordings out among folds, each held out once.
+    """Divide the recordings into folds for cross-validation.
 
     Raises
     ------
     ConfigurationError
-        If a recording is given twice, or there are fewer than folds.
+        If a recording is given twice, or there are fewer recordings than folds.
     """
-    _refuse_twice(bags)
+    _refuse_duplicates(bags)
     if len(bags) < count:
-        msg = f'{len(bags)} bags cannot be shared out among {count} folds'
+        msg = f'{len(bags)} bags cannot be divided into {count} folds'
         raise ConfigurationError(msg)
     order = shuffled(bags, seed)
     return tuple(tuple(order[number::count]) for number in range(count))
 
 
 def shuffled(bags: Sequence[Path], seed: int) -> list[Path]:
-    """Put recordings into an order that only their names and the seed decide."""
+    """Return the recordings in an order that depends only on their names and the seed."""
 
     def key(bag: Path) -> tuple[str, Path]:
         return hashlib.sha256(f'{seed}:{bag_name(bag)}'.encode()).hexdigest(), bag.resolve()
@@ -106,7 +105,7 @@ def shuffled(bags: Sequence[Path], seed: int) -> list[Path]:
     return sorted(bags, key=key)
 
 
-def _split(bags: Sequence[Path], held_out: Sequence[Path], reason: str) -> Split:
+def _split(bags: Sequence[Path], held_out: Container[Path], reason: str) -> Split:
     return Split(
         tuple(bag for bag in bags if bag not in held_out),
         tuple(bag for bag in bags if bag in held_out),
@@ -114,14 +113,14 @@ def _split(bags: Sequence[Path], held_out: Sequence[Path], reason: str) -> Split
     )
 
 
-def _refuse_twice(bags: Sequence[Path]) -> None:
+def _refuse_duplicates(bags: Sequence[Path]) -> None:
     for index, bag in enumerate(bags):
         if any(_is_same(bag, other) for other in bags[:index]):
-            msg = f'{bag} is given twice: tuned on and held out, it would say nothing'
+            msg = f'{bag} is given twice'
             raise ConfigurationError(msg)
 
 
 def _is_same(one: Path, other: Path) -> bool:
-    """Tell whether two paths are one recording: the same, or a folder and its file."""
+    """Whether two paths name one recording: equal, or a folder and its file."""
     one, other = one.resolve(), other.resolve()
     return one == other or one in other.parents or other in one.parents

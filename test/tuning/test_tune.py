@@ -1,4 +1,4 @@
-"""The search: from the start on, repeatable, ended early without loss, judged on other bags."""
+"""The parameter search: its result, repeatability, early ends, and held-out comparison."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
 from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
 from rover_obstacle_detection.parameter_file import load_config
+
+pytest.importorskip('optuna', reason='needs the extra tune')
 from rover_obstacle_detection.tuning import tune as module
 from rover_obstacle_detection.tuning.report import (
     BETTER,
@@ -40,12 +42,10 @@ from rover_obstacle_detection.tuning.tune import (
     tune_in_folds,
 )
 
-pytest.importorskip('optuna', reason='needs the extra tune')
-
 GREY = TuneOptions(search_ranges(['dark_grey_level', 'uniqueness_ratio']), trials=12)
 START = DetectorConfig()
 BAG = BagOptions()
-PLENTY = 10**9
+PLENTY_BYTES = 10**9
 
 
 def scene(name: str = 'noon', array: np.ndarray | None = None) -> TuningScene:
@@ -56,7 +56,7 @@ def scene(name: str = 'noon', array: np.ndarray | None = None) -> TuningScene:
 
 
 def peak_at(level: int) -> Callable[[DetectorConfig, TuningScene], Figures]:
-    """A detector whose IoU falls with the distance of a parameter from where it is best."""
+    """Fake figures whose IoU is highest at one grey level."""
 
     def figures(config: DetectorConfig, scene: TuningScene) -> Figures:
         missed = abs(config.dark_grey_level - level)
@@ -85,7 +85,7 @@ def _peak(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures('_peak')
-def test_it_starts_from_what_is_given_and_finds_better() -> None:
+def test_search_improves_on_the_start() -> None:
     tuning = search(replace(GREY, trials=40))
     assert len(tuning.trials) == 40
     assert tuning.ended == ALL_TRIALS
@@ -102,21 +102,21 @@ def test_it_starts_from_what_is_given_and_finds_better() -> None:
 
 
 @pytest.mark.usefixtures('_peak')
-def test_a_seed_makes_it_repeatable() -> None:
+def test_equal_seeds_give_equal_trials() -> None:
     first, second = (search().trials for _ in range(2))
     other = search(replace(GREY, seed=1)).trials
     assert [each.config for each in first] == [each.config for each in second]
     assert [each.config for each in first] != [each.config for each in other]
 
 
-def test_the_start_is_kept_where_nothing_is_better(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_start_is_kept_if_no_trial_is_better(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, 'figures_of', peak_at(START.dark_grey_level))
     tuning = search()
     assert tuning.best is tuning.start
 
 
 @pytest.mark.usefixtures('_peak')
-def test_no_trial_begins_when_the_time_is_up() -> None:
+def test_no_trial_starts_after_the_time_limit() -> None:
     seconds = itertools.count()
     tuning = search(replace(GREY, seconds=5.0), clock=lambda: float(next(seconds)))
     assert tuning.ended == TIME_IS_UP
@@ -134,35 +134,35 @@ def interrupted_at(call: int):
     return figures_or_interrupt
 
 
-def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_keeps_finished_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, 'figures_of', interrupted_at(6))
     tuning = search()
     assert tuning.ended == INTERRUPTED
     assert len(tuning.trials) == 5
 
 
-def test_ctrl_c_before_there_is_anything_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_in_the_first_trial_propagates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, 'figures_of', interrupted_at(1))
     with pytest.raises(KeyboardInterrupt):
         search()
 
 
-def test_the_same_parameters_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    looked_at = []
+def test_equal_parameters_are_evaluated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluated = []
 
     def figures(config: DetectorConfig, scene: TuningScene) -> Figures:
-        looked_at.append(config)
+        evaluated.append(config)
         return peak_at(90)(config, scene)
 
     monkeypatch.setattr(module, 'figures_of', figures)
     few = search_ranges(['dark_grey_level'], {'dark_grey_level': (50, 52)})
     tuning = search(TuneOptions(few, trials=12))
     assert len(tuning.trials) == 12
-    assert len(looked_at) == len(set(looked_at)) <= 3
+    assert len(evaluated) == len(set(evaluated)) <= 3
 
 
 @pytest.mark.usefixtures('_peak')
-def test_parameters_that_contradict_each_other_are_not_tried() -> None:
+def test_contradictory_parameters_are_not_tried() -> None:
     overlap = search_ranges(['P1', 'P2'], {'P1': (500, 1500), 'P2': (600, 1600)})
     tuning = search(TuneOptions(overlap, trials=20))
     assert len(tuning.trials) == 20
@@ -172,22 +172,22 @@ def test_parameters_that_contradict_each_other_are_not_tried() -> None:
         search(TuneOptions(never, trials=3))
 
 
-def test_without_obstacles_there_is_nothing_to_tune_on() -> None:
-    with pytest.raises(ConfigurationError, match='moon: no obstacle to tune on'):
+def test_scenes_without_obstacles_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match='moon: no obstacles'):
         tune([scene('moon', np.zeros(SHAPE, np.uint8))], START, GREY, ignored)
 
 
 @pytest.mark.parametrize(('level', 'word'), [(95, BETTER), (20, WORSE)])
-def test_held_out_scenes_tell_if_the_parameters_hold(
+def test_held_out_scenes_decide_the_verdict(
     level: int, word: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(module, 'figures_of', by_scene({'noon': 90, 'dusk': level}))
     options = replace(GREY, trials=30)
     result = tune_and_hold_out([scene()], [scene('dusk')], 'by name', START, options, ignored)
     assert verdict(result, options.weights) == word
-    said = conclusion(result, options.weights)
-    assert f'held-out bags the tuned parameters are {word}' in said
-    assert f'1 {word}' in said
+    sentence = conclusion(result, options.weights)
+    assert f'held-out bags the tuned parameters are {word}' in sentence
+    assert f'1 {word}' in sentence
     file = tmp_path / 'tuned.yaml'
     file.write_text(parameter_file(result, options), encoding='utf-8')
     assert load_config(file) == result.tuning.best.config
@@ -195,15 +195,15 @@ def test_held_out_scenes_tell_if_the_parameters_hold(
 
 
 @pytest.mark.usefixtures('_peak')
-def test_nothing_held_out_is_said() -> None:
-    result = tune_and_hold_out([scene()], [], 'there is one bag only', START, GREY, ignored)
+def test_conclusion_without_held_out_scenes() -> None:
+    result = tune_and_hold_out([scene()], [], 'only one bag given', START, GREY, ignored)
     assert result.held_out is None
     assert verdict(result, GREY.weights) == ''
-    said = conclusion(result, GREY.weights)
-    assert said.startswith('Nothing was held out (there is one bag only)')
+    sentence = conclusion(result, GREY.weights)
+    assert 'no bags were held out (only one bag given)' in sentence
 
 
-def test_folds_are_judged_by_parameters_that_have_not_seen_them(
+def test_each_fold_is_evaluated_with_parameters_tuned_without_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     levels = {'a': 20, 'b': 80, 'c': 80, 'd': 80}
@@ -212,7 +212,7 @@ def test_folds_are_judged_by_parameters_that_have_not_seen_them(
     folds = [scenes[:1], scenes[1:]]
     progress = []
     options = replace(GREY, trials=25)
-    result = tune_in_folds(scenes, folds, START, options, lambda *told: progress.append(told))
+    result = tune_in_folds(scenes, folds, START, options, lambda *update: progress.append(update))
     assert result.tuning.scenes == ('a', 'b', 'c', 'd')
     assert [each.scenes for each in result.folds] == [('b', 'c', 'd'), ('a',)]
     without_a, without_others = (each.best.config.dark_grey_level for each in result.folds)
@@ -223,9 +223,9 @@ def test_folds_are_judged_by_parameters_that_have_not_seen_them(
     assert {index for index, _, _ in progress} == {0, 1, 2}
 
 
-def test_folds_that_are_interrupted_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_folds_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     scenes = [scene(name) for name in 'abc']
-    # 12 trials of three scenes, then of two, and one scene before and after.
+    # 12 trials of three scenes, 12 of two, one comparison of one scene, then into fold two.
     monkeypatch.setattr(module, 'figures_of', interrupted_at(12 * 3 + 12 * 2 + 2 + 5))
     result = tune_in_folds(scenes, [[each] for each in scenes], START, GREY, ignored)
     assert result.tuning.ended == ALL_TRIALS
@@ -235,27 +235,27 @@ def test_folds_that_are_interrupted_are_left_out(monkeypatch: pytest.MonkeyPatch
     assert result.reason == '1 of 3 folds, seed 0'
 
 
-def test_frames_are_kept_grey_and_judged_as_they_would_be(tmp_path: Path) -> None:
+def test_frames_in_memory_give_the_figures_of_the_bag(tmp_path: Path) -> None:
     path = write_labelled(tmp_path / 'noon')
-    (kept,) = read_scenes([path], BAG, PLENTY, ignored)
+    (kept,) = read_scenes([path], BAG, PLENTY_BYTES, ignored)
     assert kept.name == 'noon'
     assert kept.has_obstacles
     assert kept.memory_bytes == 2 * 5 * SHAPE[0] * SHAPE[1]
     with open_bag(path) as bag:
         frames, _ = labelled_frames(bag, find_truth_topics(bag), BAG)
-        wanted = Figures()
+        expected = Figures()
         for frame in frames:
             mask = Detector(frame.camera, START).detect(frame.left, frame.right).mask
-            wanted += score(mask, frame.labels, frame.instances)
-    assert figures_of(START, kept) == wanted
+            expected += score(mask, frame.labels, frame.instances)
+    assert figures_of(START, kept) == expected
 
 
-def test_too_many_frames_are_refused_with_a_way_out(tmp_path: Path) -> None:
+def test_memory_limit_is_checked_before_reading_on(tmp_path: Path) -> None:
     path = write_labelled(tmp_path / 'noon', frames=4)
     frame_bytes = 5 * SHAPE[0] * SHAPE[1]
     read = []
-    with pytest.raises(ConfigurationError, match=r'its 4 frames take .* --every N'):
-        read_scenes([path], BAG, 3 * frame_bytes, lambda *told: read.append(told))
+    with pytest.raises(ConfigurationError, match=r'its 4 frames need .* --every N'):
+        read_scenes([path], BAG, 3 * frame_bytes, lambda *update: read.append(update))
     assert not read
     fewer = read_scenes([path], BagOptions(every=2), 3 * frame_bytes, ignored)
     assert len(fewer[0].frames) == 2

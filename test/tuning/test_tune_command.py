@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -12,11 +13,12 @@ from labelled import write_labelled
 
 from rover_obstacle_detection import DetectorConfig
 from rover_obstacle_detection.cli.main import main
+from rover_obstacle_detection.cli.tune_command import DESCRIPTION
 from rover_obstacle_detection.parameter_file import load_config
-from rover_obstacle_detection.tuning import tune as tune_module
 
-BAGS = Path(__file__).parents[2] / 'bags'
-SMALL_BAGS = sorted(BAGS.glob('simulated_*'))
+ROOT = Path(__file__).parents[2]
+SMALL_BAGS = sorted((ROOT / 'bags').glob('simulated_*'))
+TUNING = 'rover_obstacle_detection.tuning'
 
 needs_tune = pytest.mark.skipif(
     importlib.util.find_spec('optuna') is None, reason='needs the extra tune'
@@ -33,7 +35,7 @@ def tune(*arguments: object) -> int:
 
 
 @needs_tune
-def test_three_small_bags_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tuning_small_bags_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, figures = tmp_path / 'tuned.yaml', tmp_path / 'tuned.json'
     arguments = (*SMALL_BAGS, '--trials', 3, '--set', 'max_step=0.12', '--json', figures)
     assert tune(*arguments, '-o', file) == 0
@@ -58,30 +60,32 @@ def test_three_small_bags_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @needs_tune
-def test_one_bag_alone_is_not_called_a_proof(
+def test_single_bag_has_no_held_out_figures(
     bags: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     figures = tmp_path / 'tuned.json'
     assert tune(bags[0], '--trials', 2, '-o', tmp_path / 'x.yaml', '--json', figures) == 0
     content = json.loads(figures.read_text(encoding='utf-8'))
     assert content['held_out'] is None
-    assert content['held_out_reason'] == 'there is one bag only'
+    assert content['held_out_reason'] == 'only one bag given'
     assert 'eld out,' not in capsys.readouterr().out
 
 
 @needs_tune
-def test_folds(bags: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cross_validation(
+    bags: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     figures = tmp_path / 'tuned.json'
     arguments = ('--trials', 2, '--folds', 3, '-o', tmp_path / 'x.yaml', '--json', figures)
     assert tune(*bags, *arguments) == 0
     content = json.loads(figures.read_text(encoding='utf-8'))
     assert content['tuned_on']['tuned']['scenes'] == content['held_out']['tuned']['scenes'] == 3
     assert [len(fold['tuned_on']) for fold in content['folds']] == [2, 2, 2]
-    assert 'tuned without them' in capsys.readouterr().out
+    assert 'from a search without it' in capsys.readouterr().out
 
 
 @needs_tune
-def test_worse_on_held_out_bags_is_a_warning_and_the_file_is_written(
+def test_worse_held_out_score_warns_and_still_writes_the_file(
     bags: list[Path],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -93,7 +97,7 @@ def test_worse_on_held_out_bags_is_a_warning_and_the_file_is_written(
         missed = config.dark_grey_level if scene.name == 'day2' else 255 - config.dark_grey_level
         return Figures(frames=1, true_positives=300 - missed, false_negatives=missed)
 
-    monkeypatch.setattr(tune_module, 'figures_of', figures_of)
+    monkeypatch.setattr('rover_obstacle_detection.tuning.tune.figures_of', figures_of)
     file = tmp_path / 'tuned.yaml'
     assert tune(*bags, '--held-out', bags[2], '-o', file, '--parameter', 'dark_grey_level') == 0
     assert load_config(file).dark_grey_level > 50
@@ -102,12 +106,14 @@ def test_worse_on_held_out_bags_is_a_warning_and_the_file_is_written(
 
 
 @needs_tune
-def test_ctrl_c_writes_the_best_so_far(
+def test_ctrl_c_writes_the_best_parameters_found(
     bags: list[Path],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    from rover_obstacle_detection.tuning.tune import figures_of
+
     calls = []
 
     def interrupted(config, scene):
@@ -116,8 +122,7 @@ def test_ctrl_c_writes_the_best_so_far(
             raise KeyboardInterrupt
         return figures_of(config, scene)
 
-    figures_of = tune_module.figures_of
-    monkeypatch.setattr(tune_module, 'figures_of', interrupted)
+    monkeypatch.setattr('rover_obstacle_detection.tuning.tune.figures_of', interrupted)
     file = tmp_path / 'tuned.yaml'
     assert tune(*bags, '--held-out-share', 0.4, '-o', file) == 0
     assert 'interrupted after 3 trials' in capsys.readouterr().out
@@ -125,22 +130,56 @@ def test_ctrl_c_writes_the_best_so_far(
 
 
 @needs_tune
-def test_a_limit_of_the_rover_is_tuned_with_a_warning_only(
+def test_tuning_a_rover_limit_warns(
     bags: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert tune(*bags, '--parameter', 'max_step', '--trials', 1, '-o', tmp_path / 'x.yaml') == 0
-    assert 'WARNING: max_step is what the rover can do' in capsys.readouterr().err
+    assert 'WARNING: max_step is a limit of the rover' in capsys.readouterr().err
     assert load_config(tmp_path / 'x.yaml') == DetectorConfig()
 
 
-def test_the_missing_optimiser_is_one_line_before_the_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def no_optuna(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith(TUNING)]:
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, 'optuna', None)
+
+
+@pytest.mark.usefixtures('no_optuna')
+def test_missing_optuna_is_reported_before_any_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert tune(tmp_path / 'nowhere', '-o', tmp_path / 'x.yaml') == 1
     error = capsys.readouterr().err
     assert error.count('\n') == 1
     assert "pip install 'rover_obstacle_detection[tune]'" in error
+
+
+@pytest.mark.usefixtures('no_optuna')
+def test_help_works_without_optuna(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        tune('--help')
+    assert ended.value.code == 0
+    assert '--held-out' in capsys.readouterr().out
+
+
+def test_only_the_command_imports_tuning_and_lazily() -> None:
+    importing = {
+        str(path.relative_to(ROOT)): path.read_text(encoding='utf-8')
+        for path in (ROOT / 'rover_obstacle_detection').rglob('*.py')
+        if path.parent.name != 'tuning' and TUNING in path.read_text(encoding='utf-8')
+    }
+    command = importing.pop('rover_obstacle_detection/cli/tune_command.py')
+    assert not importing
+    assert not re.search(rf'^(from|import) {TUNING}', command, re.MULTILINE)
+
+
+@needs_tune
+def test_help_lists_the_default_parameters() -> None:
+    from rover_obstacle_detection.tuning.space import TUNED_BY_DEFAULT
+
+    listed = DESCRIPTION.partition('tuned by default:')[2].replace(',', ' ').split()
+    assert listed == list(TUNED_BY_DEFAULT)
 
 
 @needs_tune
@@ -148,11 +187,11 @@ def test_the_missing_optimiser_is_one_line_before_the_work(
     ('arguments', 'words'),
     [
         (('--set', 'method=study'), 'name those of study with --parameter'),
-        (('--memory', '1', '--folds', '4'), 'cannot be shared out among 4 folds'),
+        (('--memory', '1', '--folds', '4'), 'cannot be divided into 4 folds'),
         (('--labels-topic', '/nowhere'), 'topic /nowhere is not there'),
     ],
 )
-def test_what_cannot_be_done_is_one_line(
+def test_errors_are_one_line(
     arguments: tuple[str, ...],
     words: str,
     bags: list[Path],
@@ -168,7 +207,7 @@ def test_what_cannot_be_done_is_one_line(
 
 
 @needs_tune
-def test_a_file_that_exists_is_kept_unless_forced(
+def test_existing_file_is_kept_without_force(
     bags: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / 'x.yaml'
@@ -181,11 +220,8 @@ def test_a_file_that_exists_is_kept_unless_forced(
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (('--parameter', 'dark_gray_level'), 'did you mean dark_grey_level?'),
-        (('--parameter', 'method'), 'method is not a number'),
         (('--range', 'dark_grey_level'), 'NAME=LOW:HIGH'),
         (('--range', 'dark_grey_level=10:x'), 'NAME=LOW:HIGH'),
-        (('--range', 'dark_grey_level=10:999'), 'expected 0 to 255'),
         (('--held-out-share', '1'), 'less than 1'),
         (('--held-out-share', '0.5', '--folds', '3'), 'not allowed with'),
         (('--folds', '1'), '2 or more'),
@@ -196,7 +232,7 @@ def test_a_file_that_exists_is_kept_unless_forced(
         ((), '--output'),
     ],
 )
-def test_a_wrong_call_says_what_is_expected(
+def test_usage_error_names_what_is_expected(
     arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = ('-o', 'x.yaml') if arguments else ()
@@ -207,10 +243,19 @@ def test_a_wrong_call_says_what_is_expected(
 
 
 @needs_tune
-def test_a_range_of_what_is_not_tuned_is_a_wrong_call(
-    capsys: pytest.CaptureFixture[str],
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (('--parameter', 'dark_gray_level'), 'did you mean dark_grey_level?'),
+        (('--parameter', 'method'), 'method is not a number'),
+        (('--range', 'dark_grey_level=10:80'), 'add --parameter dark_grey_level'),
+        (('--range', 'speckle_size=10:-9'), 'speckle_size is -9: expected'),
+    ],
+)
+def test_invalid_search_space_is_a_usage_error(
+    arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        tune('bag', '-o', 'x.yaml', '--parameter', 'P1', '--range', 'prefilter_cap=10:60')
+        tune('bag', '-o', 'x.yaml', *arguments)
     assert ended.value.code == 2
-    assert 'add --parameter prefilter_cap' in capsys.readouterr().err
+    assert words in capsys.readouterr().err
