@@ -1,4 +1,4 @@
-"""``python -m rover_obstacle_detection``: the command line."""
+"""Run the command line with ``python -m rover_obstacle_detection``."""
 
 import sys
 

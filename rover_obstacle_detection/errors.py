@@ -1,31 +1,31 @@
-"""Errors a user can act on: each message names what was wrong and what was expected."""
+"""Errors a user can act on; each message names what is wrong and what was expected."""
 
 from __future__ import annotations
 
 
 class ObstacleDetectionError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base class of the errors that this package raises deliberately."""
 
 
 class CameraError(ObstacleDetectionError):
-    """A stereo calibration that no depth can be computed from."""
+    """A stereo calibration that gives no depth."""
 
 
 class ConfigurationError(ObstacleDetectionError):
-    """A parameter with an impossible value."""
+    """A parameter with an invalid value."""
 
 
 class ImageError(ObstacleDetectionError):
-    """An image that cannot be decoded, or that does not fit its partner or its calibration."""
+    """An image that cannot be decoded or does not match its partner or its calibration."""
 
 
 class BagError(ObstacleDetectionError):
-    """A recording that cannot be read, or lacks what a stereo replay needs."""
+    """A recording that cannot be read or lacks required topics."""
 
 
 class OutputError(ObstacleDetectionError):
-    """A result that cannot be written where it was asked for."""
+    """An output that cannot be written."""
 
 
 class MissingExtraError(ObstacleDetectionError):
-    """An optional library that is not installed."""
+    """An optional dependency that is not installed."""

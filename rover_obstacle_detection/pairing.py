@@ -1,4 +1,4 @@
-"""Left and right images brought together by their stamps, live and from recordings alike."""
+"""Pair left and right images by their stamps, for the live node and for recordings."""
 
 from __future__ import annotations
 
@@ -6,21 +6,26 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+# Exact stamps may arrive this much out of order; more means that the stream has restarted.
 RESTART_NS = 1_000_000_000
+
+# The next stamp may come after half the smallest spacing so far. A gap of at most a quarter of
+# that spacing is then the smallest possible.
+_CERTAIN_SPACING_FRACTION = 4
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A left and a right image that belong together.
+    """A left and a right image taken at the same time.
 
     Parameters
     ----------
     stamp_ns : int
         Stamp of the left image.
     left, right
-        The items given with the stamps.
+        The items passed with the stamps.
     gap_ns : int
-        Difference of the two stamps.
+        Absolute difference of the two stamps.
     """
 
     stamp_ns: int
@@ -31,10 +36,10 @@ class Pair:
 
 @dataclass(frozen=True)
 class PairingStatistics:
-    """What came in and what became of it: ``left = pairs + unmatched_left + pending_left``.
+    """Counts of images: ``left = pairs + unmatched_left + pending_left``, and so on the right.
 
     ``smallest_gap_ns`` is the smallest difference seen between a left and a right stamp, matched
-    or not; None before there was one of each.
+    or not. It is None until both sides have received an image.
     """
 
     left: int
@@ -53,7 +58,7 @@ class _Image(NamedTuple):
 
 
 class _Side:
-    """One eye: its waiting images, oldest first, and its counts."""
+    """The waiting images of one camera, oldest first, and its counts."""
 
     def __init__(self) -> None:
         self.waiting: deque[_Image] = deque()
@@ -65,10 +70,7 @@ class _Side:
     def append(self, image: _Image) -> None:
         if self.newest_ns is not None and image.stamp_ns > self.newest_ns:
             spacing_ns = image.stamp_ns - self.newest_ns
-            known_ns = self.smallest_spacing_ns
-            self.smallest_spacing_ns = (
-                spacing_ns if known_ns is None else min(known_ns, spacing_ns)
-            )
+            self.smallest_spacing_ns = min(spacing_ns, self.smallest_spacing_ns or spacing_ns)
         self.newest_ns = image.stamp_ns
         self.received += 1
         self.waiting.append(image)
@@ -87,38 +89,48 @@ class _Side:
         self.waiting = deque(kept)
 
     def take(self, image: _Image) -> None:
-        """Take out an image; those before it, which now come too late, are unmatched."""
+        """Remove an image; older ones can no longer be paired and count as unmatched."""
         while self.waiting[0] is not image:
             self.drop_oldest()
         self.waiting.popleft()
 
 
 class StereoPairing:
-    """Pairs images as they arrive; every image ends in one pair or is counted as unmatched.
+    """Pairs images as they arrive; every image is paired once or counted as unmatched.
 
-    With exact stamps an image is paired the moment its partner arrives.
+    Without a tolerance, an image is paired as soon as its partner with the same stamp arrives.
 
-    With a tolerance, each image goes to its nearest partner within it, in order, none twice. Where
-    a nearer partner may still come (the gap is more than a quarter of the smallest spacing of that
-    eye's stamps so far), the pair is held until that eye's next image: after a lost image the eyes
-    would otherwise stay one frame apart for as long as the tolerance lets them.
+    With a tolerance, each image is paired with its nearest partner within it, in stamp order. A
+    pair is held until the next image of the earlier side if that image could be nearer. Without
+    this, a lost image would leave the two streams one frame apart. No wait is needed for gaps of
+    at most a quarter of that side's smallest spacing so far.
 
-    Pairs depend on the stamps alone, not on how the two streams interleave, as long as each
-    eye's stamps increase, neither runs ahead by more than ``queue_size`` images and, with a
-    tolerance, no spacing is under half of what it was before. Not thread-safe.
+    The result depends only on the stamps, not on how the two streams interleave, provided that
+
+    - stamps increase on each side,
+    - neither side is more than ``queue_size`` images ahead,
+    - with a tolerance, no spacing is less than half the smallest one before.
+
+    Not thread-safe.
 
     Parameters
     ----------
     tolerance_ns : int, optional
-        Largest difference of the stamps of a pair; None: the stamps must be equal.
+        Largest stamp difference of a pair; None requires equal stamps.
     queue_size : int
         Images that may wait on each side.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
     """
 
     def __init__(self, tolerance_ns: int | None = None, queue_size: int = 5) -> None:
         if queue_size < 1 or (tolerance_ns is not None and tolerance_ns < 0):
-            msg = f'queue_size {queue_size} or tolerance_ns {tolerance_ns} is too small'
-            raise ValueError(msg)
+            raise ValueError(
+                f'queue_size {queue_size} or tolerance_ns {tolerance_ns} is too small'
+            )
         self.tolerance_ns = tolerance_ns
         self.queue_size = queue_size
         self._left = _Side()
@@ -128,15 +140,15 @@ class StereoPairing:
         self._smallest_gap_ns: int | None = None
 
     def add_left(self, stamp_ns: int, item: Any) -> Pair | None:
-        """Take a left image; return the next pair if there is one."""
+        """Add a left image; return the next pair if one is complete."""
         return self._add(self._left, self._right, _Image(stamp_ns, item))
 
     def add_right(self, stamp_ns: int, item: Any) -> Pair | None:
-        """Take a right image; return the next pair if there is one."""
+        """Add a right image; return the next pair if one is complete."""
         return self._add(self._right, self._left, _Image(stamp_ns, item))
 
     def flush(self) -> list[Pair]:
-        """End the recording: return the pairs that were held, count what is left as unmatched."""
+        """Return the pairs still held and count the remaining images as unmatched."""
         if self.tolerance_ns is not None:
             self._match_nearest(self.tolerance_ns, ended=True)
         pairs = list(self._ready)
@@ -147,7 +159,7 @@ class StereoPairing:
 
     @property
     def statistics(self) -> PairingStatistics:
-        """The counts up to now."""
+        """The counts so far."""
         return PairingStatistics(
             left=self._left.received,
             right=self._right.received,
@@ -173,23 +185,21 @@ class StereoPairing:
         return self._ready.popleft() if self._ready else None
 
     def _restart_if_back(self, own: _Side, other: _Side, stamp_ns: int) -> None:
-        # Nearest matching needs stamps in order; equal stamps are found in any order.
+        # Nearest matching needs ordered stamps; exact matching does not.
         allowed_ns = RESTART_NS if self.tolerance_ns is None else 0
         if own.newest_ns is None or stamp_ns >= own.newest_ns - allowed_ns:
             return
         own.drop_all()
         own.smallest_spacing_ns = None
-        # The other eye may have jumped first: what it has from after the jump is kept.
+        # The other side may have restarted first: keep its images from after the restart.
         other.drop_after(stamp_ns + RESTART_NS)
 
     def _note_gap(self, other: _Side, stamp_ns: int) -> None:
-        candidates = [image.stamp_ns for image in other.waiting]
-        if other.newest_ns is not None:
-            candidates.append(other.newest_ns)
-        for candidate_ns in candidates:
-            gap_ns = abs(stamp_ns - candidate_ns)
-            if self._smallest_gap_ns is None or gap_ns < self._smallest_gap_ns:
-                self._smallest_gap_ns = gap_ns
+        stamps = [*(image.stamp_ns for image in other.waiting), other.newest_ns]
+        gaps = [abs(stamp_ns - each) for each in stamps if each is not None]
+        if self._smallest_gap_ns is not None:
+            gaps.append(self._smallest_gap_ns)
+        self._smallest_gap_ns = min(gaps, default=None)
 
     def _match_equal(self, image: _Image, other: _Side) -> None:
         for candidate in other.waiting:
@@ -213,16 +223,17 @@ class StereoPairing:
                     early.drop_oldest()
                 else:
                     self._emit(left, right)
-            elif ended or self._cannot_be_beaten(early, late, gap_ns):
+            elif ended or self._is_nearest(early, late, gap_ns):
                 self._emit(left, right)
             else:
                 return
 
-    def _cannot_be_beaten(self, early: _Side, late: _Side, gap_ns: int) -> bool:
+    def _is_nearest(self, early: _Side, late: _Side, gap_ns: int) -> bool:
+        """Whether the next image of the early side cannot be nearer, or must not be awaited."""
         if gap_ns == 0 or len(late.waiting) > self.queue_size:
             return True
         spacing_ns = early.smallest_spacing_ns
-        return spacing_ns is not None and 4 * gap_ns <= spacing_ns
+        return spacing_ns is not None and _CERTAIN_SPACING_FRACTION * gap_ns <= spacing_ns
 
     def _emit(self, left: _Image, right: _Image) -> None:
         self._left.take(left)

@@ -1,4 +1,4 @@
-"""The detector's configuration in the form of a ROS parameter file."""
+"""Read and write the detector's configuration as a ROS parameter file."""
 
 from __future__ import annotations
 
@@ -33,42 +33,40 @@ NODE_PARAMETER_NAMES = frozenset(
         'use_sim_time',
     }
 )
-"""Parameters that only the live node has; a replay takes no notice of them."""
+"""Parameters of the live node only; ignored offline."""
 
 _NODE_PREFIXES = ('qos_overrides.',)
 _PARAMETERS = 'ros__parameters'
 _WILDCARDS = ('**', '*')
 
 
-def load_config(path: str | Path, node_name: str = NODE_NAME) -> DetectorConfig:
+def load_config(path: str | Path) -> DetectorConfig:
     """Read the detector's parameters from a ROS parameter file.
 
     Parameters
     ----------
     path : str or Path
-        YAML with ``ros__parameters`` under ``/**`` or the node's name, with or without
-        namespaces. Where both set a parameter, the node's name wins.
-    node_name : str
+        YAML with ``ros__parameters`` under ``/**`` or ``obstacle_detector``, with or without
+        namespaces. If both set a parameter, ``obstacle_detector`` wins.
 
     Returns
     -------
     DetectorConfig
-        With defaults for what the file does not set.
+        Parameters that the file does not set have their defaults.
 
     Raises
     ------
     ConfigurationError
-        Naming the file and the parameter that is unknown or has an impossible value.
+        If the file cannot be read, or a parameter is unknown or has an invalid value.
     """
     path = Path(path)
-    values = _values(_load(path), path, node_name)
+    values = _values(_load(path), path)
     descriptions = {each.name: each for each in DetectorConfig.parameters()}
     unknown = [name for name in values if name not in descriptions and not _is_of_node(name)]
     if unknown:
         near = difflib.get_close_matches(unknown[0], [*descriptions, *NODE_PARAMETER_NAMES], n=1)
         hint = f'did you mean {near[0]}?' if near else 'expected a parameter of the detector'
-        msg = f'{path}: {unknown[0]} is not a parameter: {hint}'
-        raise ConfigurationError(msg)
+        raise ConfigurationError(f'{path}: {unknown[0]} is not a parameter: {hint}')
     try:
         return DetectorConfig(
             **{
@@ -78,24 +76,23 @@ def load_config(path: str | Path, node_name: str = NODE_NAME) -> DetectorConfig:
             }
         )
     except ConfigurationError as error:
-        msg = f'{path}: {error}'
-        raise ConfigurationError(msg) from None
+        raise ConfigurationError(f'{path}: {error}') from None
 
 
-def dump_config(config: DetectorConfig, node_name: str = '/**') -> str:
-    """Write a configuration as a ROS parameter file, each parameter with its meaning.
+def dump_config(config: DetectorConfig) -> str:
+    """Return a configuration as a ROS parameter file, with each parameter's description.
 
     Returns
     -------
     str
-        YAML that `load_config` and ``ros2 run ... --params-file`` read.
+        YAML for `load_config` and ``ros2 run ... --params-file``.
     """
     parameters = CommentedMap()
     for each in config.parameters():
         parameters[each.name] = getattr(config, each.name)
         parameters.yaml_set_comment_before_after_key(each.name, before=each.description, indent=4)
     text = StringIO()
-    YAML().dump({node_name: {_PARAMETERS: parameters}}, text)
+    YAML().dump({'/**': {_PARAMETERS: parameters}}, text)
     return text.getvalue()
 
 
@@ -107,34 +104,38 @@ def _load(path: Path) -> object:
     except OSError as error:
         msg = f'{path}: cannot be read: {error.strerror}'
     except MarkedYAMLError as error:
-        line = f' in line {error.problem_mark.line + 1}' if error.problem_mark else ''
-        msg = f'{path}: is not YAML: {error.problem}{line}'
+        line = f' on line {error.problem_mark.line + 1}' if error.problem_mark else ''
+        msg = f'{path}: is not valid YAML: {error.problem}{line}'
     except (YAMLError, UnicodeDecodeError):
-        msg = f'{path}: is not YAML'
+        msg = f'{path}: is not valid YAML'
     raise ConfigurationError(msg)
 
 
-def _values(content: object, path: Path, node_name: str) -> dict[str, Any]:
+def _values(content: object, path: Path) -> dict[str, Any]:
     blocks = list(_blocks(content, ()))
     if not blocks:
-        msg = f'{path}: is not a ROS parameter file: expected {_PARAMETERS} under /** or a node'
-        raise ConfigurationError(msg)
-    mine = [block for block in blocks if block[0][-1] in (*_WILDCARDS, node_name)]
+        raise ConfigurationError(
+            f'{path}: is not a ROS parameter file: expected {_PARAMETERS} under /** or a node name'
+        )
+    mine = [block for block in blocks if block[0][-1] in (*_WILDCARDS, NODE_NAME)]
     if not mine:
         found = ', '.join('/'.join(names) for names, _ in blocks)
-        msg = f'{path}: has parameters of {found} only: expected {node_name} or /**'
-        raise ConfigurationError(msg)
+        raise ConfigurationError(
+            f'{path}: only has parameters of {found}: expected {NODE_NAME} or /**'
+        )
     values: dict[str, Any] = {}
-    # Sorting is stable: among equals the later block wins, as in ROS.
-    for names, block in sorted(mine, key=lambda block: block[0][-1] == node_name):
+    # Later blocks override earlier ones, as in ROS; those of the node override wildcards.
+    for names, block in sorted(mine, key=lambda block: block[0][-1] == NODE_NAME):
         if not isinstance(block, Mapping):
-            msg = f'{path}: {_PARAMETERS} of {"/".join(names)} is {block!r}: expected parameters'
-            raise ConfigurationError(msg)
+            raise ConfigurationError(
+                f'{path}: {_PARAMETERS} of {"/".join(names)} is {block!r}: expected name: value'
+            )
         values.update(_flat(block, ''))
     return values
 
 
 def _blocks(content: object, names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+    """Yield each ``ros__parameters`` block and the names that it is nested under."""
     if not isinstance(content, Mapping):
         return
     for key, value in content.items():
@@ -145,6 +146,7 @@ def _blocks(content: object, names: tuple[str, ...]) -> Iterator[tuple[tuple[str
 
 
 def _flat(block: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Join nested names with dots."""
     for key, value in block.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f'{prefix}{key}.')

@@ -1,6 +1,6 @@
-"""A detection as pictures: the study's intermediate steps, and an overlay to see at a glance.
+"""Draw a detection: the overlay and the study's intermediate steps.
 
-Every picture is BGR, 8 bit, of the left image's size, and lies on it pixel for pixel.
+Every picture is an 8-bit BGR image aligned with the left image.
 """
 
 from __future__ import annotations
@@ -27,12 +27,19 @@ ORANGE: Colour = (32, 140, 245)
 DARK_GREY: Colour = (72, 72, 72)
 LIGHT_GREY: Colour = (150, 150, 150)
 
-# Log scale of the rough-step map: from stereo noise up to what no rover climbs.
+# Log scale of the roughness and step map: from stereo noise to far above any clearance.
 ROUGHNESS_STEP_RANGE_M = (0.001, 1.0)
+# Grey levels of that scale; the lowest stays apart from the black of missing values.
+_SCALE_LEVELS = (24.0, 255.0)
+# Percentiles that the disparity colours span, so that outliers do not stretch them.
+_DISPARITY_PERCENTILES = (0.5, 99.5)
+# Consecutive multiples of the golden ratio conjugate, modulo 1, are far apart.
+_GOLDEN_RATIO_CONJUGATE = 0.61803398875
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def disparity_picture(detection: Detection) -> Picture:
-    """Disparity from far (blue) to near (red); black where there is no match."""
+    """Draw the disparity from far (blue) to near (red); black without a match."""
     disparity = detection.disparity
     valid = disparity > 0
     lowest, highest = disparity_limits(detection)
@@ -43,23 +50,22 @@ def disparity_picture(detection: Detection) -> Picture:
 
 
 def disparity_limits(detection: Detection) -> tuple[float, float]:
-    """Smallest and largest disparity, outliers apart, pixels; ``(0, 1)`` where none is known."""
+    """Return the smallest and largest disparity in pixels, without outliers; (0, 1) if none."""
     valid = detection.disparity[detection.disparity > 0]
     if not valid.size:
         return 0.0, 1.0
-    lowest, highest = np.percentile(valid, (0.5, 99.5))
+    lowest, highest = np.percentile(valid, _DISPARITY_PERCENTILES)
     return float(lowest), float(highest)
 
 
 def regions_picture(detection: Detection) -> Picture:
-    """Give each mean-shift region a hue of its own, as bright as the region is, and an outline."""
+    """Draw each mean-shift region in its own hue and mean brightness, with a dark outline."""
     regions = detection.regions
     count = int(regions.max()) + 1
     pixels = np.bincount(regions.ravel(), minlength=count)
     grey = np.bincount(regions.ravel(), weights=detection.grey.ravel(), minlength=count)
     brightness = 70.0 + 0.7 * grey / np.maximum(pixels, 1)
-    # Steps of the golden angle keep the hues of consecutive numbers far apart.
-    hue = np.arange(count) * 0.61803398875 % 1.0 * 180.0
+    hue = np.arange(count) * _GOLDEN_RATIO_CONJUGATE % 1.0 * 180.0
     colours = np.stack((hue, np.full(count, 130.0), brightness), axis=-1)
     palette = cv2.cvtColor(_to_uint8(colours)[np.newaxis], cv2.COLOR_HSV2BGR)[0]
     picture = palette[regions]
@@ -68,7 +74,7 @@ def regions_picture(detection: Detection) -> Picture:
 
 
 def seeds_picture(detection: Detection) -> Picture:
-    """Regions judged by their 3D points in teal, those without enough of them in orange."""
+    """Draw regions classified by 3D points in teal, those with too few points in orange."""
     seeds = detection.seeds
     grey = _as_bgr(detection.grey)
     picture = _tinted(grey, seeds, TEAL, 0.45)
@@ -78,19 +84,20 @@ def seeds_picture(detection: Detection) -> Picture:
 
 
 def roughness_step_picture(detection: Detection) -> Picture:
-    """Roughness plus elevation step, log scale from 1 mm (dark) to 1 m (bright); black: none."""
+    """Draw roughness plus elevation step on a log scale, 1 mm dark to 1 m bright; black: none."""
     low, high = (math.log10(limit) for limit in ROUGHNESS_STEP_RANGE_M)
     total = detection.roughness + detection.step
     known = np.isfinite(total)
     safe = np.where(known, np.maximum(total, ROUGHNESS_STEP_RANGE_M[0]), 1.0)
-    scaled = 24.0 + (np.log10(safe) - low) / (high - low) * 231.0
+    dark, bright = _SCALE_LEVELS
+    scaled = dark + (np.log10(safe) - low) / (high - low) * (bright - dark)
     picture = cv2.applyColorMap(_to_uint8(scaled), cv2.COLORMAP_INFERNO)
     picture[~known] = BLACK
     return _picture(picture)
 
 
 def mask_picture(detection: Detection) -> Picture:
-    """Draw the final obstacle map: white obstacle, black free, grey not judged."""
+    """Draw the obstacle mask: white obstacle, black free, grey unknown."""
     picture = np.zeros((*detection.mask.shape, 3), np.uint8)
     picture[~detection.known] = DARK_GREY
     picture[detection.mask == OBSTACLE] = WHITE
@@ -98,17 +105,17 @@ def mask_picture(detection: Detection) -> Picture:
 
 
 def overlay_picture(detection: Detection, image: NDArray[Any] | None = None) -> Picture:
-    """Draw the detection into the left image.
+    """Draw the detection over the left image.
 
-    Obstacles are tinted red and outlined, each with its height above the ground and its distance;
-    pixels that nothing could judge are hatched; the rest of the image is free.
+    Obstacles are tinted red, outlined and labelled with height above the ground and distance.
+    Unknown pixels are hatched. The rest of the image is free.
 
     Parameters
     ----------
     detection : Detection
     image : ndarray, shape (height, width) or (height, width, 3), optional
-        The left image as the detector got it, grey or BGR; without it, or where it is not 8 bit,
-        the detection's own grey image is drawn in.
+        The detector's left image, grey or BGR. If omitted or not 8-bit, the detection's own grey
+        image is used.
     """
     picture = _as_bgr(detection.grey if image is None or image.dtype != np.uint8 else image)
     obstacle = detection.mask == OBSTACLE
@@ -130,7 +137,7 @@ PICTURES: Mapping[str, Callable[[Detection], Picture]] = {
 
 
 def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
-    """Height above the ground and distance of an obstacle, such as ``21 cm @ 1.4 m``."""
+    """Return an obstacle's height and distance, such as ``21 cm @ 1.4 m``."""
     if not math.isfinite(obstacle.range_m):
         return 'no 3D'
     distance = f'@ {obstacle.range_m:.1f} m'
@@ -140,9 +147,9 @@ def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
 
 
 def is_tall(obstacle: Obstacle, max_step_m: float) -> bool:
-    """Tell whether an obstacle is one for its height.
+    """Whether an obstacle's height is worth showing.
 
-    What lies low is flagged for its slope or its depth: a height would mislead.
+    Low obstacles were detected for their slope or depth, where a height would mislead.
     """
     return obstacle.max_height_m >= max_step_m / 2
 
@@ -175,7 +182,7 @@ def _outline(picture: Picture, mask: NDArray[np.uint8]) -> None:
 
 
 def _label(picture: Picture, detection: Detection) -> None:
-    """Label the obstacles, the nearest first, leaving out specks and what would cover a label."""
+    """Label obstacles from near to far, except specks and labels that would overlap others."""
     scale = max(0.35, picture.shape[0] / 1600.0)
     speck_pixels = picture.shape[0] * picture.shape[1] // 8000
     taken: list[tuple[int, int, int, int]] = []
@@ -187,11 +194,11 @@ def _label(picture: Picture, detection: Detection) -> None:
         if obstacle.pixels < speck_pixels:
             continue
         text = obstacle_label(obstacle, detection.config.max_step)
-        (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+        (width, height), below = cv2.getTextSize(text, _FONT, scale, 1)
         left = obstacle.left + (obstacle.width - width) // 2
         left = max(2, min(left, picture.shape[1] - width - 3))
         top = obstacle.top - height - below - 4
-        # Where it reaches the upper border, the label lies within.
+        # Obstacles at the upper border have their label inside.
         top = max(top, 4)
         box = (left - 2, top - 2, left + width + 2, top + height + below + 1)
         if any(_overlap(box, other) for other in taken):
@@ -199,16 +206,7 @@ def _label(picture: Picture, detection: Detection) -> None:
         taken.append(box)
         backdrop = picture[max(box[1], 0) : box[3], max(box[0], 0) : box[2]]
         backdrop //= 4
-        cv2.putText(
-            picture,
-            text,
-            (left, top + height),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            scale,
-            WHITE,
-            1,
-            cv2.LINE_AA,
-        )
+        cv2.putText(picture, text, (left, top + height), _FONT, scale, WHITE, 1, cv2.LINE_AA)
 
 
 def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
@@ -228,6 +226,6 @@ def _to_uint8(values: NDArray[Any]) -> Picture:
 
 
 def _picture(array: NDArray[Any]) -> Picture:
-    # OpenCV's own annotations say Mat for what is an array of 8 bit here.
+    # OpenCV's type hints declare Mat, not an 8-bit array.
     picture: Picture = np.asarray(array, np.uint8)
     return picture

@@ -1,4 +1,4 @@
-"""Whether left and right have been mistaken for each other."""
+"""Detect swapped left and right images."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
 
+# Width in pixels at which the pair is matched: 64 disparities then reach a quarter of the image.
 WIDTH = 256
 DISPARITIES = 64
 BLOCK = 5
-# Of a pair in the right order most pixels match; chance matches some tenths of a swapped one.
+# In the correct order most pixels match. In the wrong order a few tenths match by chance.
 SWAPPED_SHARE = 0.4
 SWAPPED_RATIO = 2.0
-# Under this share of pixels with a disparity it is worth looking for the reason.
+# The check runs only if fewer pixels than this have a disparity.
 SUSPICIOUS_SHARE = 0.5
+# Disparities in OpenCV's fixed-point maps are in sixteenths of a pixel.
+FIXED_POINT = 16
 
 
 def refuse_swapped_images(
@@ -30,15 +33,16 @@ def refuse_swapped_images(
     left_name: str,
     right_name: str,
 ) -> None:
-    """Refuse a pair with few matches that has them the other way round.
+    """Raise an error if a pair with few matches would match in the opposite order.
 
     Parameters
     ----------
     detection : Detection
-        Of this pair.
+        The detection in this pair.
     left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+        Grey or BGR.
     left_name, right_name : str
-        Topics or files, for the error.
+        Topics or files, for the error message.
 
     Raises
     ------
@@ -47,26 +51,25 @@ def refuse_swapped_images(
     """
     matched_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
     if matched_share < SUSPICIOUS_SHARE and are_swapped(left, right, detection.camera):
-        msg = (
-            f'{left_name}, {right_name}: the disparities are negative throughout: expected '
-            f'the left eye on {left_name}; are left and right swapped?'
+        raise ImageError(
+            f'{left_name}, {right_name}: disparities are negative: expected the left image from '
+            f'{left_name}; are left and right swapped?'
         )
-        raise ImageError(msg)
 
 
 def are_swapped(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> bool:
-    """Whether a pair matches with negative disparities throughout, but not with positive ones.
+    """Whether a pair matches with negative but not with positive disparities.
 
     Parameters
     ----------
     left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
-        Of the camera's size.
+        Grey or BGR, of the camera's size.
     camera : StereoCamera
 
     Returns
     -------
     bool
-        False also where neither order matches, as in the dark.
+        False if neither order matches, for example in the dark.
     """
     pair = grey_pair(left, right, camera)
     small = camera.resized(WIDTH, max(round(WIDTH * camera.height / camera.width), BLOCK))
@@ -96,4 +99,4 @@ def _matched_share(left: NDArray[Any], right: NDArray[Any], offset: int) -> floa
     )
     disparity = matcher.compute(left, right)
     visible = disparity[:, DISPARITIES + max(offset, 0) :]
-    return float(np.mean(visible >= 16 * offset))
+    return float(np.mean(visible >= FIXED_POINT * offset))

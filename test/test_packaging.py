@@ -1,4 +1,4 @@
-"""The places that name the package's version, requirements and files agree."""
+"""Version, dependencies and entry points agree between all packaging files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def manifest() -> xml.etree.ElementTree.Element:
     return xml.etree.ElementTree.parse(ROOT / 'package.xml').getroot()
 
 
-def test_one_version(manifest: xml.etree.ElementTree.Element) -> None:
+def test_the_version_is_the_same_everywhere(manifest: xml.etree.ElementTree.Element) -> None:
     assert manifest.findtext('version') == rover_obstacle_detection.__version__
     assert metadata.version(NAME) == rover_obstacle_detection.__version__
     changelog = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
@@ -29,14 +29,14 @@ def test_one_version(manifest: xml.etree.ElementTree.Element) -> None:
     )
 
 
-def test_ros_tools_find_the_package(manifest: xml.etree.ElementTree.Element) -> None:
+def test_ros_tools_can_find_the_package(manifest: xml.etree.ElementTree.Element) -> None:
     assert manifest.get('format') == '3'
     assert manifest.findtext('name') == NAME
     assert manifest.findtext('export/build_type') == 'ament_python'
     assert (ROOT / 'resource' / NAME).is_file()
 
 
-def test_every_ros_package_imported_is_declared(manifest: xml.etree.ElementTree.Element) -> None:
+def test_imported_ros_packages_are_declared(manifest: xml.etree.ElementTree.Element) -> None:
     declared = {each.text for each in manifest.iter('exec_depend')}
     imported = set()
     for path in (ROOT / NAME).rglob('*.py'):
@@ -51,14 +51,14 @@ def test_every_ros_package_imported_is_declared(manifest: xml.etree.ElementTree.
     assert imported <= declared
 
 
-def test_published_types_are_declared(manifest: xml.etree.ElementTree.Element) -> None:
+def test_packages_of_published_types_are_declared(manifest: xml.etree.ElementTree.Element) -> None:
     from rover_obstacle_detection.messages.outputs import OUTPUTS
 
     declared = {each.text for each in manifest.iter('exec_depend')}
     assert {output.type_name.split('/')[0] for output in OUTPUTS.values()} <= declared
 
 
-def test_commands_are_installed() -> None:
+def test_console_scripts_are_installed() -> None:
     scripts = metadata.entry_points(group='console_scripts')
     ours = {each.name: each.value for each in scripts if each.value.startswith(f'{NAME}.')}
     assert set(ours) == {'obstacle_detector', 'rover-obstacles'}
@@ -67,7 +67,7 @@ def test_commands_are_installed() -> None:
             assert callable(script.load())
 
 
-def test_python_versions_agree() -> None:
+def test_supported_python_versions_agree() -> None:
     about = metadata.metadata(NAME)
     assert about['Requires-Python'] == '>=3.10'
     versions = re.search(r"supported='([\d. ]+)'", (ROOT / '.ci' / 'run').read_text())[1].split()

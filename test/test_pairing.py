@@ -11,7 +11,7 @@ MS = 1_000_000
 
 
 def run(pairing, arrivals):
-    """Feed ('left' | 'right', stamp) and return the pairs as (left stamp, right stamp)."""
+    """Add images as ('left' | 'right', stamp); return the pairs as (left stamp, right stamp)."""
     pairs = []
     for side, stamp in arrivals:
         add = pairing.add_left if side == 'left' else pairing.add_right
@@ -26,7 +26,7 @@ def run(pairing, arrivals):
 
 
 def interleave(left, right, draws, lead):
-    """Merge two streams so that neither runs ahead of the other by more than `lead` images."""
+    """Merge two streams so that neither is more than `lead` images ahead of the other."""
     arrivals, i, j = [], 0, 0
     for take_left in draws:
         if i < len(left) and (j == len(right) or (take_left and i - j < lead) or j - i >= lead):
@@ -40,7 +40,7 @@ def interleave(left, right, draws, lead):
 
 
 def nearest_in_order(left, right, tolerance):
-    """Pair two whole sequences: what the streaming code must come to."""
+    """Pair two complete sequences; the reference for the streaming implementation."""
     pairs, i, j = [], 0, 0
     while i < len(left) and j < len(right):
         gap = abs(left[i] - right[j])
@@ -65,7 +65,7 @@ tolerances = st.one_of(st.none(), st.integers(0, SECOND))
 
 
 @given(st.one_of(any_arrivals, few_stamps), tolerances, st.integers(1, 6))
-def test_every_image_ends_in_exactly_one_place(arrivals, tolerance, queue_size):
+def test_every_image_is_paired_pending_or_unmatched(arrivals, tolerance, queue_size):
     pairing = StereoPairing(tolerance, queue_size)
     emitted = []
     for number, (side, stamp) in enumerate(arrivals):
@@ -96,10 +96,8 @@ def test_every_image_ends_in_exactly_one_place(arrivals, tolerance, queue_size):
     st.lists(st.booleans(), max_size=80),
     st.integers(1, 6),
 )
-def test_exact_pairs_are_the_common_stamps_however_the_streams_interleave(
-    left, right, draws, queue_size
-):
-    # Missing images let one eye run ahead in stamps, so the lead is counted in stamps here.
+def test_exact_pairs_are_the_common_stamps_for_any_interleaving(left, right, draws, queue_size):
+    # Missing images let one side run ahead in stamps, so the lead is counted in stamps here.
     left, right = sorted(left), sorted(right)
     arrivals = sorted(
         [('left', stamp) for stamp in left] + [('right', stamp) for stamp in right],
@@ -117,12 +115,12 @@ def test_exact_pairs_are_the_common_stamps_however_the_streams_interleave(
 @settings(max_examples=300)
 @given(st.data())
 def test_nearest_pairs_do_not_depend_on_the_interleaving(data):
-    # Spacings vary by less than a factor of two, which is what the class promises for.
+    # The class requires that spacings vary by less than a factor of two.
     def stream():
         steps = data.draw(st.lists(st.integers(50, 99), max_size=20))
         stamps = [data.draw(st.integers(0, 100))]
         for number, step in enumerate(steps):
-            # An image lost at the start would hide what the spacing is.
+            # The first spacing must be a true one.
             lost = number > 0 and data.draw(st.sampled_from([False, False, False, True]))
             stamps.append(stamps[-1] + step * (2 if lost else 1))
         return stamps
@@ -151,7 +149,7 @@ def test_exact_pairing_counts_a_missing_partner():
     assert (end.unmatched_left, end.unmatched_right) == (1, 0)
 
 
-def test_the_queue_is_bounded():
+def test_the_queues_are_bounded():
     pairing = StereoPairing(queue_size=2)
     for stamp in range(10):
         pairing.add_left(stamp, None)
@@ -171,7 +169,7 @@ def test_the_smallest_gap_is_known_without_any_pair():
     assert pairing.statistics.smallest_gap_ns == 7 * MS
 
 
-def test_a_lost_image_does_not_leave_the_eyes_one_frame_apart():
+def test_a_lost_image_does_not_shift_the_streams_by_one_frame():
     lost = {3}
     arrivals = []
     for frame in range(10):
@@ -181,7 +179,7 @@ def test_a_lost_image_does_not_leave_the_eyes_one_frame_apart():
     assert pairs == [(n * 100, n * 100 + 5) for n in range(10) if n not in lost]
 
 
-def test_a_small_gap_is_paired_at_once():
+def test_a_small_gap_is_paired_immediately():
     pairing = StereoPairing(tolerance_ns=50)
     pairing.add_left(0, 0)
     pairing.add_right(5, 5)
@@ -191,7 +189,7 @@ def test_a_small_gap_is_paired_at_once():
     assert pairing.add_right(205, 205) == Pair(200, 200, 205, 5)
 
 
-def test_a_single_pair_within_tolerance_comes_out_with_flush():
+def test_flush_returns_a_held_pair():
     pairing = StereoPairing(tolerance_ns=50)
     assert pairing.add_left(0, 'l') is None
     assert pairing.add_right(5, 'r') is None
@@ -201,7 +199,7 @@ def test_a_single_pair_within_tolerance_comes_out_with_flush():
 
 @pytest.mark.parametrize('tolerance', [None, 10 * MS])
 @pytest.mark.parametrize('length', [3, 40])
-def test_a_looped_recording_goes_on(tolerance, length):
+def test_a_looped_recording_is_paired_in_every_loop(tolerance, length):
     frames = [(side, n * 100 * MS) for n in range(length) for side in ('left', 'right')]
     pairing = StereoPairing(tolerance)
     assert run(pairing, frames * 3) == [(n * 100 * MS, n * 100 * MS) for n in range(length)] * 3
@@ -222,6 +220,6 @@ def test_images_from_before_a_jump_back_are_dropped_and_counted(tolerance):
 
 
 @pytest.mark.parametrize(('tolerance', 'queue_size'), [(-1, 5), (None, 0)])
-def test_impossible_settings_are_refused(tolerance, queue_size):
+def test_invalid_settings_are_refused(tolerance, queue_size):
     with pytest.raises(ValueError, match='too small'):
         StereoPairing(tolerance, queue_size)

@@ -13,15 +13,7 @@ UNKNOWN = (10, 0)
 
 
 @pytest.mark.parametrize('name', [*pictures.PICTURES, 'overlay'])
-def test_each_picture_lies_on_the_image(name):
-    draw = pictures.PICTURES.get(name, pictures.overlay_picture)
-    picture = draw(small_detection())
-    assert picture.shape == (48, 64, 3)
-    assert picture.dtype == np.uint8
-
-
-@pytest.mark.parametrize('name', [*pictures.PICTURES, 'overlay'])
-def test_each_picture_can_be_drawn_of_nothing_at_all(name):
+def test_pictures_of_a_detection_without_any_data(name):
     nothing = small_detection(
         disparity=np.zeros((48, 64), np.float32),
         height=np.full((48, 64), np.nan, np.float32),
@@ -32,10 +24,12 @@ def test_each_picture_can_be_drawn_of_nothing_at_all(name):
         mask=np.zeros((48, 64), np.uint8),
     )
     draw = pictures.PICTURES.get(name, pictures.overlay_picture)
-    assert draw(nothing).shape == (48, 64, 3)
+    picture = draw(nothing)
+    assert picture.shape == draw(small_detection()).shape == (48, 64, 3)
+    assert picture.dtype == np.uint8
 
 
-def test_disparity_runs_from_blue_far_to_red_near_and_black_without_a_match():
+def test_disparity_is_blue_far_away_red_nearby_and_black_without_a_match():
     disparity = np.tile(np.linspace(2, 20, 64, dtype=np.float32), (48, 1))
     disparity[:, 40] = 0
     picture = pictures.disparity_picture(small_detection(disparity=disparity)).astype(int)
@@ -46,7 +40,7 @@ def test_disparity_runs_from_blue_far_to_red_near_and_black_without_a_match():
     assert not picture[:, 40].any()
 
 
-def test_regions_differ_in_hue_and_carry_a_dark_border():
+def test_regions_differ_in_hue_and_have_a_dark_outline():
     detection = small_detection()
     picture = pictures.regions_picture(detection)
     hue = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)[..., 0].astype(int)
@@ -63,16 +57,17 @@ def test_a_brighter_region_is_drawn_brighter():
     assert picture[INSIDE].max() > picture[OUTSIDE].max() + 50
 
 
-def test_seeds_are_teal_and_the_others_orange():
+def test_seed_regions_are_teal_and_others_orange():
     seeds = np.ones((48, 64), bool)
     seeds[:, :10] = False
-    blue, green, red = pictures.seeds_picture(small_detection(seeds=seeds))[5, 30].astype(int)
+    picture = pictures.seeds_picture(small_detection(seeds=seeds)).astype(int)
+    blue, green, red = picture[5, 30]
     assert min(blue, green) > red + 20
-    blue, green, red = pictures.seeds_picture(small_detection(seeds=seeds))[5, 4].astype(int)
+    blue, green, red = picture[5, 4]
     assert red > green > blue
 
 
-def test_roughness_and_step_brighten_with_their_sum():
+def test_a_larger_step_is_drawn_brighter():
     step = np.full((48, 64), 0.002, np.float32)
     step[:, 20:40] = 0.2
     step[:, 40:] = np.nan
@@ -81,14 +76,14 @@ def test_roughness_and_step_brighten_with_their_sum():
     assert not picture[:, 40:].any()
 
 
-def test_the_mask_tells_obstacle_free_and_unknown_apart():
+def test_the_mask_shows_obstacle_free_and_unknown():
     picture = pictures.mask_picture(small_detection())
     assert tuple(picture[INSIDE]) == (255, 255, 255)
     assert tuple(picture[OUTSIDE]) == (0, 0, 0)
     assert tuple(picture[UNKNOWN]) == pictures.DARK_GREY
 
 
-def test_the_overlay_tints_obstacles_and_leaves_free_ground_as_it_is():
+def test_the_overlay_tints_obstacles_and_keeps_free_ground():
     image = np.zeros((48, 64, 3), np.uint8)
     image[:] = (60, 90, 120)
     before = image.copy()
@@ -99,7 +94,7 @@ def test_the_overlay_tints_obstacles_and_leaves_free_ground_as_it_is():
     assert picture[INSIDE][1] < 90
 
 
-def test_the_overlay_greys_and_hatches_what_nothing_could_judge():
+def test_the_overlay_hatches_unknown_pixels_in_grey():
     image = np.full((48, 64, 3), (60, 90, 120), np.uint8)
     known = np.ones((48, 64), bool)
     known[:, 44:] = False
@@ -109,7 +104,7 @@ def test_the_overlay_greys_and_hatches_what_nothing_could_judge():
     assert len(np.unique(unknown)) == 2
 
 
-def test_an_image_of_16_bit_is_replaced_by_the_detections_own_grey_image():
+def test_the_overlay_of_a_16_bit_image_uses_the_grey_image():
     deep = np.full((48, 64), 60000, np.uint16)
     picture = pictures.overlay_picture(small_detection(), deep)
     assert tuple(picture[5, 50]) == (100, 100, 100)
@@ -130,7 +125,7 @@ def _obstacle(max_height_m, range_m):
         (np.nan, np.nan, 'no 3D'),
     ],
 )
-def test_label(max_height_m, range_m, label):
+def test_obstacle_label(max_height_m, range_m, label):
     assert pictures.obstacle_label(_obstacle(max_height_m, range_m), 0.10) == label
 
 
@@ -148,7 +143,7 @@ def _large_detection(mask):
     )
 
 
-def test_an_obstacle_gets_a_label_on_a_dark_ground_above_it():
+def test_an_obstacle_has_a_label_on_dark_background_above_it():
     mask = np.zeros((480, 640), np.uint8)
     mask[200:300, 250:400] = 255
     above = pictures.overlay_picture(_large_detection(mask))[180:198, 280:370]
@@ -156,7 +151,7 @@ def test_an_obstacle_gets_a_label_on_a_dark_ground_above_it():
     assert above.max() > 240
 
 
-def test_a_speck_gets_no_label():
+def test_a_speck_has_no_label():
     mask = np.zeros((480, 640), np.uint8)
     mask[200:204, 300:304] = 255
     picture = pictures.overlay_picture(_large_detection(mask))

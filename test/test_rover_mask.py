@@ -10,11 +10,11 @@ from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.rover_mask import RoverMask
 
 
-def test_nothing_given_is_no_mask() -> None:
+def test_no_image_and_no_polygon_give_no_mask() -> None:
     assert RoverMask.load('', '') is None
 
 
-def test_polygon_fills_its_inside() -> None:
+def test_the_polygon_is_filled() -> None:
     mask = RoverMask.load(polygon='[[1, 2], [3, 2], [3, 4], [1, 4]]')
     assert mask is not None
 
@@ -23,7 +23,7 @@ def test_polygon_fills_its_inside() -> None:
     np.testing.assert_array_equal(mask.pixels(6, 5), expected)
 
 
-def test_polygon_may_reach_beyond_the_image() -> None:
+def test_the_polygon_may_extend_beyond_the_image() -> None:
     mask = RoverMask.load(polygon='[[-10, 3], [20, 3], [20, 30], [-10, 30]]')
     assert mask is not None
 
@@ -32,10 +32,10 @@ def test_polygon_may_reach_beyond_the_image() -> None:
     assert not pixels[:3].any()
 
 
-def test_picture_and_polygon_add_up(tmp_path: Path) -> None:
-    picture = np.zeros((4, 6), np.uint8)
-    picture[0, 0] = 1
-    cv2.imwrite(str(tmp_path / 'mask.png'), picture)
+def test_the_mask_is_the_union_of_image_and_polygon(tmp_path: Path) -> None:
+    image = np.zeros((4, 6), np.uint8)
+    image[0, 0] = 1
+    cv2.imwrite(str(tmp_path / 'mask.png'), image)
 
     mask = RoverMask.load(str(tmp_path / 'mask.png'), '[[5, 3], [5, 3], [5, 3]]')
 
@@ -43,7 +43,7 @@ def test_picture_and_polygon_add_up(tmp_path: Path) -> None:
     assert np.argwhere(mask.pixels(4, 6)).tolist() == [[0, 0], [3, 5]]
 
 
-def test_picture_of_another_size_is_refused(tmp_path: Path) -> None:
+def test_an_image_of_another_size_is_refused(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / 'mask.png'), np.zeros((4, 6), np.uint8))
     mask = RoverMask.load(str(tmp_path / 'mask.png'))
     assert mask is not None
@@ -56,15 +56,15 @@ def test_picture_of_another_size_is_refused(tmp_path: Path) -> None:
     'text',
     ['[]', '[[0, 0], [1, 1]]', 'nonsense', '[[0, 0], [1], [2, 2]]', '3', '[[0,0],[9e9,0],[1,1]]'],
 )
-def test_no_polygon_is_refused(text: str) -> None:
+def test_an_invalid_polygon_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r'rover_polygon is .* expected three or more'):
         RoverMask.load(polygon=text)
 
 
-def test_picture_that_is_missing_or_none_is_refused(tmp_path: Path) -> None:
+def test_a_missing_or_invalid_image_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'rover_mask is .*no such file'):
         RoverMask.load(str(tmp_path / 'none.png'))
-    for content in (b'', b'not a picture'):
+    for content in (b'', b'not an image'):
         (tmp_path / 'mask.png').write_bytes(content)
-        with pytest.raises(ConfigurationError, match='expected a picture'):
+        with pytest.raises(ConfigurationError, match='expected an image file'):
             RoverMask.load(str(tmp_path / 'mask.png'))

@@ -17,14 +17,14 @@ def pair(shift: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize('shift', [5, 20, 60])
-def test_only_the_wrong_order_is_called_swapped(shift: int) -> None:
+def test_only_the_wrong_order_is_reported_as_swapped(shift: int) -> None:
     left, right = pair(shift)
 
     assert not are_swapped(left, right, CAMERA)
     assert are_swapped(right, left, CAMERA)
 
 
-def test_offset_of_the_principal_points_is_no_swap() -> None:
+def test_an_offset_of_the_principal_points_is_not_a_swap() -> None:
     camera = StereoCamera(
         width=320, height=240, fx=200.0, fy=200.0, cx=159.5, cy=119.5, baseline_m=0.1,
         cx_right=189.5,
@@ -35,7 +35,7 @@ def test_offset_of_the_principal_points_is_no_swap() -> None:
     assert are_swapped(left, right, CAMERA)
 
 
-def test_what_does_not_match_either_way_is_not_called_swapped() -> None:
+def test_images_without_matches_are_not_reported_as_swapped() -> None:
     noise = np.random.default_rng(2).integers(0, 256, (2, 240, 320), np.uint8)
     dark = np.zeros((240, 320), np.uint8)
 
