@@ -32,7 +32,7 @@ def draw(bag_path: Path, output: Path) -> Detection:
         pair = next(read_pairs(bag, bag.stereo_topics()))
     detection = Detector(pair.camera).detect(pair.left, pair.right)
     with tempfile.TemporaryDirectory(dir=output.parent) as folder:
-        write_pictures(detection, pair.left, Path(folder), names=['overlay'])
+        write_pictures(detection, pair.left, Path(folder))
         (Path(folder) / 'overlay.png').replace(output)
     return detection
 
