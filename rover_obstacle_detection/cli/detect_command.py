@@ -62,11 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
     from rich.console import Console
 
     from rover_obstacle_detection.offline.detect_pair import detect_pair
-    from rover_obstacle_detection.offline.output_folder import check_output
+    from rover_obstacle_detection.offline.output_folder import check_output_folder
     from rover_obstacle_detection.offline.summary_table import obstacle_table
     from rover_obstacle_detection.rover_mask import RoverMask
 
-    check_output(arguments.output, force=arguments.force)
+    check_output_folder(arguments.output, force=arguments.force)
     detection = detect_pair(
         arguments.left,
         arguments.right,

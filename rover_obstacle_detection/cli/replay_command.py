@@ -106,13 +106,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay the bags, and print the table."""
     from rich.console import Console
 
-    from rover_obstacle_detection.offline.output_folder import check_output, folder_if_filled
+    from rover_obstacle_detection.offline.output_folder import (
+        check_output_folder,
+        folder_if_filled,
+    )
     from rover_obstacle_detection.offline.replay_jobs import plan_jobs, replay_jobs
     from rover_obstacle_detection.offline.summary import ReplaySummary
     from rover_obstacle_detection.offline.summary_table import replay_table
 
     options = _options(arguments)
-    check_output(arguments.output, force=arguments.force)
+    check_output_folder(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
     summaries: dict[int, ReplaySummary] = {}
     with (

@@ -1,1 +1,1 @@
-"""The work over recordings and image files behind ``replay``, ``detect`` and ``evaluate``."""
+"""Offline processing of recordings and image files: replay, detect and evaluate."""

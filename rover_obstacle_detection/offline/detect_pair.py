@@ -1,4 +1,4 @@
-"""The detector over one pair of image files."""
+"""Run the detector on one pair of image files."""
 
 from __future__ import annotations
 
@@ -16,20 +16,16 @@ from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.image import decode_compressed_image
+from rover_obstacle_detection.offline.output_file import write_json_whole
 from rover_obstacle_detection.offline.output_folder import output_folder
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures, write_png
 from rover_obstacle_detection.offline.ply import write_ply
 from rover_obstacle_detection.offline.stopwatch import Stopwatch
-from rover_obstacle_detection.offline.summary import (
-    FrameSummary,
-    obstacle_json,
-    preamble,
-    write_json,
-)
+from rover_obstacle_detection.offline.summary import FrameSummary, obstacle_json, preamble
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_images import refuse_swapped_images
 
-OWN_FILES = (
+OUTPUT_FILES = (
     'mask.png',
     'points.ply',
     'summary.json',
@@ -47,9 +43,9 @@ def detect_pair(
     rover: RoverMask | None = None,
     force: bool = False,
 ) -> Detection:
-    """Detect obstacles in two image files and write what was seen.
+    """Detect obstacles in two image files and write the results.
 
-    `output` appears whole or not at all: ``mask.png`` (0 free, 255 obstacle), ``points.ply``,
+    `output` is written atomically: ``mask.png`` (0 free, 255 obstacle), ``points.ply``,
     ``summary.json``, the overlay and the study's pictures.
 
     Parameters
@@ -61,14 +57,14 @@ def detect_pair(
     config : DetectorConfig
     output : Path
     rover : RoverMask, optional
-        Where the left image shows the rover itself.
+        Pixels that show the rover itself.
     force : bool
-        Replace the files of an earlier run.
+        Replace the files of a previous run.
 
     Raises
     ------
     ObstacleDetectionError
-        If a file cannot be read, or does not fit the others.
+        If a file cannot be read or the files do not match.
     """
     camera = load_stereo_calibration(*calibration).camera
     left_image, right_image = read_image(left), read_image(right)
@@ -77,15 +73,14 @@ def detect_pair(
     try:
         detection = detector.detect(left_image, right_image, on_stage=stopwatch.lap)
     except ImageError as error:
-        msg = f'{left}, {right}: {error}'
-        raise ImageError(msg) from error
+        raise ImageError(f'{left}, {right}: {error}') from error
     stage_ms = stopwatch.take_ms()
     refuse_swapped_images(detection, left_image, right_image, str(left), str(right))
-    with output_folder(output, force=force, replaces=OWN_FILES) as folder:
+    with output_folder(output, force=force, replaces=OUTPUT_FILES) as folder:
         write_png(folder / 'mask.png', detection.mask)
         write_ply(folder / 'points.ply', detection.obstacle_points, detection.ground_points)
         write_pictures(detection, left_image, folder)
-        write_json(
+        write_json_whole(
             folder / 'summary.json',
             {
                 **preamble('detect', config),
@@ -100,18 +95,22 @@ def detect_pair(
 
 
 def read_image(path: Path) -> NDArray[Any]:
-    """Read an image file as the detector takes it: grey or BGR.
+    """Read an image file for the detector.
+
+    Returns
+    -------
+    ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+        Grey or BGR.
 
     Raises
     ------
     ImageError
-        If the file cannot be read, or is not a whole image.
+        If the file cannot be read or is not a complete image.
     """
     try:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
-        msg = f'{path}: cannot be read: {error.strerror}'
-        raise ImageError(msg) from error
+        raise ImageError(f'{path}: cannot be read: {error.strerror}') from error
     return decode_compressed_image(
         SimpleNamespace(format=path.suffix.lstrip('.'), data=data), str(path)
     )

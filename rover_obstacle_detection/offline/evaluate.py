@@ -1,4 +1,4 @@
-"""Methods over labelled recordings: figures, curves, distributions, pictures."""
+"""Run methods on labelled recordings and compute their figures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rover_obstacle_detection.bags.reader import BagReader, open_bag
+from rover_obstacle_detection.bags.reader import BagReader, bag_name, open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.errors import BagError, CameraError, ImageError
@@ -24,29 +24,28 @@ from rover_obstacle_detection.offline.labelled_bag import (
 )
 
 OnProgress = Callable[[int, int], None]
-"""Called with the frames done and the frames expected."""
+"""Called with the number of frames done and expected."""
 
 OnBagProgress = Callable[[int, int, int], None]
-"""Called with the bag's index, the frames done and the frames expected."""
+"""Called with the bag's index and the number of frames done and expected."""
 
 _PREFIX = re.compile(r'^(?:(?:tuning|tune|reporting|report|scene|suite|\d+)[_-])+')
 
 
 @dataclass(frozen=True)
 class BagOptions:
-    """What to read of a recording.
+    """How to read labelled recordings.
 
     Parameters
     ----------
     left_topic, right_topic, labels_topic : str, optional
-        Found by their names if not given.
+        Found by name if omitted.
     calibration : tuple of Path, optional
-        Calibration files of the left and the right camera; from the bag if not given.
+        Calibration files of the left and the right camera; from the bag if omitted.
     every : int
-        Take every n-th pair.
+        Use every n-th pair.
     conditions : sequence of str
-        The scene's conditions; as the recording says, or from its
-        name, if not given.
+        Conditions of the scene; from ``truth/scene`` or the recording's name if empty.
     """
 
     left_topic: str | None = None
@@ -64,7 +63,7 @@ def evaluate_bag(
     on_progress: OnProgress,
     name: str | None = None,
 ) -> Evaluation:
-    """Run the methods over one labelled recording, a scene.
+    """Run the methods on one labelled recording.
 
     Parameters
     ----------
@@ -73,12 +72,12 @@ def evaluate_bag(
     bag_options : BagOptions
     on_progress : callable
     name : str, optional
-        The scene's; the recording's if not given.
+        Name of the scene; the recording's if omitted.
 
     Raises
     ------
     ObstacleDetectionError
-        If the recording cannot be read, has no labels, or none of its frames can be used.
+        If the recording cannot be read, has no labels or has no usable frame.
     """
     scene = name or bag_name(path)
     problems: list[str] = []
@@ -98,8 +97,7 @@ def evaluate_bag(
             on_progress(done, max(done, expected))
     if not done:
         reason = f': {problems[0]}' if problems else ': no pairs of left and right images'
-        msg = f'{path}: no labelled frame{reason}'
-        raise BagError(msg)
+        raise BagError(f'{path}: no labelled frame{reason}')
     return run.evaluation(problems)
 
 
@@ -109,13 +107,13 @@ def evaluate_bags(
     bag_options: BagOptions,
     on_progress: OnBagProgress,
 ) -> tuple[Evaluation, list[str]]:
-    """Run the methods over several recordings; one that fails does not hold up the others.
+    """Run the methods on several recordings; if one fails, the others are still evaluated.
 
     Returns
     -------
     evaluation : Evaluation
     errors : list of str
-        Of the recordings that failed.
+        One line for each recording that failed.
     """
     parts, errors = [], []
     for index, (path, name) in enumerate(zip(paths, scene_names(paths), strict=True)):
@@ -130,18 +128,18 @@ def evaluate_bags(
 def labelled_frames(
     bag: BagReader, truth: TruthTopics, options: BagOptions
 ) -> tuple[Iterator[LabelledFrame | BadFrame], int]:
-    """Read a recording's pairs with their truth.
+    """Read the pairs of a recording with their ground truth.
 
     Returns
     -------
     frames : iterator of LabelledFrame or BadFrame
     expected : int
-        How many there are at most, as far as the counts of messages tell.
+        Largest possible number of frames, from the message counts.
 
     Raises
     ------
     ObstacleDetectionError
-        If there are no pairs, or no calibration.
+        If there is no stereo camera or no calibration.
     """
     topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
     files = options.calibration
@@ -156,7 +154,7 @@ def labelled_frames(
 
 
 def scene_names(paths: Sequence[Path]) -> list[str]:
-    """Name recordings, those of the same name with the folder that they are in."""
+    """Name recordings; those with the same name get their parent folder in front."""
     names = [bag_name(path) for path in paths]
     return [
         f'{path.resolve().parent.name}/{name}' if names.count(name) > 1 else name
@@ -164,14 +162,8 @@ def scene_names(paths: Sequence[Path]) -> list[str]:
     ]
 
 
-def bag_name(path: Path) -> str:
-    """Name of a recording: of its folder, or of its file without the ending."""
-    resolved = path.resolve()
-    return resolved.name if resolved.is_dir() else resolved.stem
-
-
 def condition_in(scene: str) -> str:
-    """Condition that a scene's name tells: the name without ``reporting_``, ``07_`` and such."""
+    """Return a scene's name without prefixes such as ``reporting_`` and ``07_``."""
     return _PREFIX.sub('', scene) or scene
 
 

@@ -1,4 +1,4 @@
-"""An evaluation as plain mappings for a JSON file."""
+"""Convert an evaluation to JSON content."""
 
 from __future__ import annotations
 
@@ -18,11 +18,19 @@ from rover_obstacle_detection.evaluation.results import (
 )
 from rover_obstacle_detection.offline.summary import preamble
 
-RATIOS = ('precision', 'recall', 'f1', 'iou', 'obstacle_recall', 'false_alarms_per_frame')
+RATIOS = (
+    'precision',
+    'recall',
+    'f1',
+    'iou',
+    'obstacle_recall',
+    'false_alarms_per_frame',
+    'called_free_share',
+)
 
 
 def evaluation_json(evaluation: Evaluation, config: DetectorConfig) -> dict[str, Any]:
-    """Return everything but the pictures; ratios that are not defined are None."""
+    """Return all figures of an evaluation; undefined ratios are None."""
     return {
         **preamble('evaluate', config),
         'problems': list(evaluation.problems),
@@ -57,7 +65,7 @@ def evaluation_json(evaluation: Evaluation, config: DetectorConfig) -> dict[str,
 
 
 def figures_json(figures: Figures) -> dict[str, Any]:
-    """Return counts and ratios."""
+    """Return the counts and ratios of some figures."""
     ratios = {name: getattr(figures, name) for name in RATIOS}
     return {
         **dataclasses.asdict(figures),

@@ -1,4 +1,4 @@
-"""The page that shows an evaluation to a reviewer."""
+"""The HTML report of an evaluation."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ from rover_obstacle_detection.report.plots import Line, bar_plot, distribution_p
 
 SVG = 'image/svg+xml'
 LISTED_FAULTS = 5
-MIN_LOSS = 0.01
+MIN_LOSS = 0.01  # smaller losses of IoU are not listed
+RATIO_LIMITS = (0, 1.02)  # of an axis, so that markers at 1 are drawn in full
 LOSSES = {
     'missed': 'obstacles missed',
     'invented': 'false blobs',
@@ -47,22 +48,22 @@ LOSSES = {
     'too_narrow': 'outlines {:.1f} px too narrow',
 }
 DEFINITIONS = (
-    'Precision, recall, F1 and IoU are over counted pixels: not the sky, not rocks within 20 % '
-    'of the clearance. Mean IoU is the mean over scenes that have obstacles of the IoU pooled '
-    "over a scene's frames; the other figures are pooled over all frames.",
-    'An obstacle is a rock of at least 200 counted pixels, or a connected slope or drop area of '
-    'at least 2,000; it is found when at least half of it is flagged. A false alarm is a '
-    'connected flagged blob with at least 100 counted pixels and under a tenth of its pixels on '
-    'obstacles or pixels that are not counted; the figure is per frame.',
-    'Times are medians over the frames of a scene, then means over scenes; x SGBM is over one '
-    'plain StereoSGBM call (3WAY, 64 disparities, block 5, P1 300, P2 1200) on the same pair in '
-    'the same run. A dash is a ratio that is not defined.',
+    'Precision, recall, F1 and IoU are computed over counted pixels. The sky and rocks within '
+    '20 % of the clearance are not counted. IoU is pooled over the frames of a scene; mean IoU '
+    'is its mean over the scenes with obstacles. All other figures are pooled over all frames.',
+    'An obstacle is a rock of at least 200 counted pixels, or a connected slope or drop of at '
+    'least 2,000. It is found if at least half of it is flagged. A false alarm is a connected '
+    'flagged blob of at least 100 counted pixels, of which less than a tenth lies on obstacles '
+    'or uncounted pixels. False alarms are given per frame.',
+    'Times are medians over the frames of a scene, averaged over scenes. x SGBM is the ratio to '
+    'one plain StereoSGBM call (3WAY, 64 disparities, block 5, P1 300, P2 1200) on the same pair '
+    'in the same run. A dash marks an undefined ratio.',
 )
-COLOURS = 'Green: hit. Blue: missed. Red: flagged, but free. Grey: not counted.'
+COLOURS = 'Green: hit. Blue: missed. Red: false alarm. Grey: not counted.'
 
 
 def evaluation_html(evaluation: Evaluation, config: DetectorConfig) -> str:
-    """Render the report.
+    """Render the report as a self-contained HTML page.
 
     Raises
     ------
@@ -72,7 +73,7 @@ def evaluation_html(evaluation: Evaluation, config: DetectorConfig) -> str:
     scenes = {result.scene for result in evaluation.scenes}
     frames = sum(len(result.frames) for result in evaluation.of(evaluation.methods[0]))
     page = Page(
-        title='Obstacle detection against labels',
+        title='Evaluation against labels',
         lead=(
             f'Scenes: {len(scenes)}. Frames: {frames}. Methods: {len(evaluation.methods)}. '
             f'Conditions: {", ".join(evaluation.conditions)}. {_parameters(config)}',
@@ -101,7 +102,7 @@ def _sections(evaluation: Evaluation, config: DetectorConfig) -> Iterator[Sectio
         ),
     )
     if evaluation.curves:
-        yield Section('Over the clearance', tuple(_curve_blocks(evaluation, config)))
+        yield Section('By clearance', tuple(_curve_blocks(evaluation, config)))
     if evaluation.by_range(first):
         yield Section('By distance', tuple(_range_blocks(evaluation)))
     if evaluation.distributions:
@@ -114,8 +115,8 @@ def _sections(evaluation: Evaluation, config: DetectorConfig) -> Iterator[Sectio
     scenes = tuple(_table(scene_table(evaluation, method)) for method in evaluation.methods)
     yield Section('By scene', scenes, is_folded=True)
     if evaluation.problems:
-        yield Section('Not used', tuple(map(TextBlock, evaluation.problems)))
-    yield Section('What the figures mean', tuple(map(TextBlock, DEFINITIONS)))
+        yield Section('Skipped', tuple(map(TextBlock, evaluation.problems)))
+    yield Section('Definitions', tuple(map(TextBlock, DEFINITIONS)))
 
 
 def _times(evaluation: Evaluation) -> Block:
@@ -123,8 +124,8 @@ def _times(evaluation: Evaluation) -> Block:
         float(np.mean([result.times_plain for result in evaluation.of(method)]))
         for method in evaluation.methods
     ]
-    svg = bar_plot(evaluation.methods, means, 'time over one plain SGBM call')
-    return PictureBlock('Time of each method over plain SGBM on the same pair.', svg, SVG)
+    svg = bar_plot(evaluation.methods, means, 'time / plain SGBM time')
+    return PictureBlock('Time relative to plain SGBM on the same pair.', svg, SVG)
 
 
 def _curve_blocks(evaluation: Evaluation, config: DetectorConfig) -> Iterator[Block]:
@@ -140,9 +141,9 @@ def _curve_blocks(evaluation: Evaluation, config: DetectorConfig) -> Iterator[Bl
         recall_precision.append(Line(method, recalls, precisions, colour, marked))
         ious.append(Line(method, clearances, [each.iou for each in figures], colour, marked))
     yield PictureBlock(
-        'Precision against recall of pixels as max_step goes from 0.4 to 2 times its value '
-        '(large dot: as configured). The labels stay those of the true clearance.',
-        line_plot(recall_precision, 'recall', 'precision', y_limits=(0, 1.02)),
+        'Pixel precision against recall for max_step from 0.4 to 2 times the configured value '
+        '(large dot). The labels do not change.',
+        line_plot(recall_precision, 'recall', 'precision', y_limits=RATIO_LIMITS),
         SVG,
     )
     yield PictureBlock('Pooled IoU against max_step.', line_plot(ious, 'max_step (m)', 'IoU'), SVG)
@@ -155,17 +156,17 @@ def _range_blocks(evaluation: Evaluation) -> Iterator[Block]:
         if evaluation.by_range(evaluation.methods[0])[index].frames
     ]
     names = [span_names()[index] for index in used]
-    # Where there is nothing to find, any overlap is 0 and says nothing.
     for name, caption in (
         ('iou', 'IoU'),
-        ('recall', 'Recall of pixels'),
+        ('recall', 'Pixel recall'),
         ('obstacle_recall', 'Obstacles found'),
-        ('precision', 'Precision of pixels'),
+        ('precision', 'Pixel precision'),
     ):
         lines = [
             Line(
                 method,
                 [float(place) for place in range(len(used))],
+                # Without obstacles these ratios are 0 or undefined and mean nothing.
                 [
                     getattr(spans[index], name) if spans[index].obstacle_pixels else None
                     for index in used
@@ -176,7 +177,7 @@ def _range_blocks(evaluation: Evaluation) -> Iterator[Block]:
             if (spans := evaluation.by_range(method))
         ]
         svg = line_plot(
-            lines, 'distance along the optical axis', caption, x_names=names, y_limits=(0, 1.02)
+            lines, 'distance along the optical axis', caption, x_names=names, y_limits=RATIO_LIMITS
         )
         yield PictureBlock(f'{caption} by distance.', svg, SVG)
     table = range_table(evaluation, evaluation.methods[0])
@@ -189,8 +190,8 @@ def _terrain(evaluation: Evaluation, config: DetectorConfig) -> Iterator[Block]:
     if table is not None:
         yield _table(table)
     yield TextBlock(
-        'Separation is the chance that a pixel on an obstacle has the larger value: 0.5 tells '
-        "nothing, 1 all. The thresholds are the study's T2 and T3."
+        'Separation is the probability that an obstacle pixel has a larger value than a free one: '
+        "0.5 is chance, 1 perfect. The thresholds are the study's T2 and T3."
     )
     for method, both in evaluation.distributions.items():
         for name, distribution, threshold_m in (
@@ -204,9 +205,9 @@ def _terrain(evaluation: Evaluation, config: DetectorConfig) -> Iterator[Block]:
                     ('obstacles', _shares(distribution.obstacle)),
                 ],
                 threshold_m,
-                f'{name} of a window (m)',
+                f'{name} per window (m)',
             )
-            yield PictureBlock(f'{method}: {name}; dashed: threshold.', svg, SVG)
+            yield PictureBlock(f'{method}: {name}. Dashed: threshold.', svg, SVG)
 
 
 def _shares(counts: NDArray[np.intp]) -> Sequence[float]:
@@ -220,12 +221,12 @@ def _picture(picture: Picture) -> Block:
 
 
 def summary_of(picture: Picture) -> str:
-    """Say in words what a picture shows, in one paragraph; see `summary_lines`."""
+    """Describe a picture in one paragraph; see `summary_lines`."""
     return '. '.join(summary_lines(picture))
 
 
 def summary_lines(picture: Picture) -> list[str]:
-    """Say in words what a picture shows: IoU and what it lost, obstacles found, each fault."""
+    """Describe a picture: IoU and its losses, obstacles found, and each fault."""
     frame = picture.frame
     figures = frame.figures
     if figures.obstacle_pixels:
@@ -234,10 +235,10 @@ def summary_lines(picture: Picture) -> list[str]:
         found = f'{figures.obstacles_found} of {figures.obstacles} obstacles found'
         first = f'{iou}{lost}, {found}'
     else:
-        first = f'no obstacles there, {figures.false_positives} px flagged'
+        first = f'no obstacles, {figures.false_positives} px flagged'
     faults = [str(fault) for fault in frame.faults[:LISTED_FAULTS]]
-    rest = Counter(_sort(fault) for fault in frame.faults[LISTED_FAULTS:])
-    more = [f'{count} more: {sort}' for sort, count in rest.most_common()]
+    rest = Counter(_fault_kind(fault) for fault in frame.faults[LISTED_FAULTS:])
+    more = [f'{count} more: {kind}' for kind, count in rest.most_common()]
     return [first, *frame.remarks, *faults, *more]
 
 
@@ -250,7 +251,7 @@ def _losses(losses: Losses) -> str:
     return f' (lost: {", ".join(parts)})' if parts else ''
 
 
-def _sort(fault: Fault) -> str:
+def _fault_kind(fault: Fault) -> str:
     return fault.kind if fault.cause is None else f'{fault.kind}, {fault.cause.name}'
 
 

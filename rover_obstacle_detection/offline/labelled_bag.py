@@ -1,9 +1,9 @@
-"""Labelled frames out of a recording: stereo pairs with the truth of the same stamp."""
+"""Read labelled frames from a recording: stereo pairs and their ground truth."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs
+from rover_obstacle_detection.bags.topics import IMAGE_TYPES
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
@@ -26,19 +27,16 @@ from rover_obstacle_detection.evaluation.labels import (
 from rover_obstacle_detection.messages.image import decode_any_image, decode_float_image
 
 LABELS = 'truth/labels'
-INSTANCES = 'truth/instances'
-DEPTH = 'truth/depth'
-POSE = 'truth/pose'
-SCENE = 'truth/scene'
 TEXT_TYPE = 'std_msgs/msg/String'
 POSE_TYPE = 'geometry_msgs/msg/PoseStamped'
-IMAGE_TYPES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 LABEL_VALUES = (FREE, ROCK, SLOPE, DROP, NOT_COUNTED)
+# A quaternion's squared norm must be near 1; all zeros means that no pose is known.
+SQUARED_NORM_LIMITS = (0.9, 1.1)
 
 
 @dataclass(frozen=True)
 class TruthTopics:
-    """Where a recording holds its truth; without instances, connected rock pixels are one rock."""
+    """The ground truth topics of a recording; all but the labels are optional."""
 
     labels: str
     instances: str | None
@@ -48,41 +46,42 @@ class TruthTopics:
 
     @property
     def stamped(self) -> tuple[str, ...]:
-        """Those that come with every pair."""
+        """The topics with one message per pair."""
         stamped = (self.labels, self.instances, self.depth, self.pose)
         return tuple(name for name in stamped if name)
 
 
 def find_truth_topics(bag: BagReader, labels: str | None = None) -> TruthTopics:
-    """Find ``truth/labels``, and ``instances``, ``depth``, ``scene`` and ``pose`` beside it.
+    """Find ``truth/labels``, and ``instances``, ``depth``, ``scene`` and ``pose`` next to it.
 
     Parameters
     ----------
     bag : BagReader
     labels : str, optional
-        The labels' topic where it is called something else.
+        Labels topic; found by name if omitted.
 
     Raises
     ------
     BagError
-        If there are no labels, or more than one topic that may be them.
+        If there is no labels topic or more than one.
     """
     if labels is None:
         found = [name for name in sorted(bag.topics) if _ends_in(name, LABELS)]
         if len(found) != 1:
-            held = ', '.join(found or sorted(bag.topics)) or 'nothing'
-            what = f'{len(found)} topics of labels' if found else f'no topic {LABELS}'
-            msg = f'{bag.path}: {what}: it holds {held}; choose one with --labels-topic'
-            raise BagError(msg)
+            topics = ', '.join(found or sorted(bag.topics)) or 'no topics'
+            problem = f'{len(found)} labels topics' if found else f'no topic {LABELS}'
+            raise BagError(
+                f'{bag.path}: {problem}: the recording has {topics}; '
+                'choose one with --labels-topic'
+            )
         labels = found[0]
     if bag.topics.get(labels) not in IMAGE_TYPES:
-        there = bag.topics.get(labels, 'not there')
-        msg = f'{bag.path}: topic {labels} is {there}: expected {IMAGE_TYPES[0]}'
-        raise BagError(msg)
-    beside = labels.rpartition('/')[0]
+        found_type = bag.topics.get(labels, 'missing')
+        raise BagError(f'{bag.path}: topic {labels} is {found_type}: expected {IMAGE_TYPES[0]}')
+    namespace = labels.rpartition('/')[0]
     instances, depth, scene, pose = (
-        name if (name := f'{beside}/{own.rpartition("/")[2]}') in bag.topics else None
-        for own in (INSTANCES, DEPTH, SCENE, POSE)
+        name if (name := f'{namespace}/{base}') in bag.topics else None
+        for base in ('instances', 'depth', 'scene', 'pose')
     )
     if pose is not None and bag.topics[pose] != POSE_TYPE:
         pose = None
@@ -90,7 +89,7 @@ def find_truth_topics(bag: BagReader, labels: str | None = None) -> TruthTopics:
 
 
 def recorded_scene(bag: BagReader, truth: TruthTopics) -> Mapping[str, Any]:
-    """Read what ``truth/scene`` says of the scene, as `simulate` writes it; empty without one."""
+    """Read the scene description written by ``simulate``; empty if there is none."""
     if truth.scene is None or bag.topics[truth.scene] != TEXT_TYPE:
         return {}
     for _, _, message in bag.messages([truth.scene]):
@@ -105,12 +104,12 @@ def recorded_scene(bag: BagReader, truth: TruthTopics) -> Mapping[str, Any]:
 
 
 def recorded_conditions(bag: BagReader, truth: TruthTopics) -> tuple[str, ...]:
-    """Read the scene's conditions and its rig from ``truth/scene``, as `simulate` writes it.
+    """Read the scene's conditions and rig from the description written by ``simulate``.
 
     Returns
     -------
     tuple of str
-        Such as ``low_texture``, ``rig navcam``; empty where the recording does not say.
+        For example ``low_texture``, ``rig navcam``; empty if there is no description.
     """
     scene = recorded_scene(bag, truth)
     conditions = scene.get('conditions', ())
@@ -120,12 +119,12 @@ def recorded_conditions(bag: BagReader, truth: TruthTopics) -> tuple[str, ...]:
 
 
 def read_labelled(pairs: StereoPairs, truth: TruthTopics) -> Iterator[LabelledFrame | BadFrame]:
-    """Read the pairs that have labels; one without, or with labels that do not fit, is bad.
+    """Yield pairs with their labels; pairs without valid labels become bad frames.
 
     Parameters
     ----------
     pairs : StereoPairs
-        Made with the truth's topics as its extra ones.
+        Pairs read with ``truth.stamped`` as extra topics.
     truth : TruthTopics
     """
     for pair in pairs:
@@ -139,76 +138,64 @@ def read_labelled(pairs: StereoPairs, truth: TruthTopics) -> Iterator[LabelledFr
 
 
 def _labelled(pair: StereoPair, truth: TruthTopics) -> LabelledFrame:
-    labels = _decoded(pair, truth.labels)
+    labels = _extra_image(pair, truth.labels, decode_any_image)
     if labels is None:
-        msg = f'{truth.labels}: no labels with the stamp of the pair'
-        raise ImageError(msg)
+        raise ImageError(f'{truth.labels}: no labels with the stamp of the pair')
     _check_labels(labels, truth.labels)
-    instances = _decoded(pair, truth.instances)
-    depth_m = _depth(pair, truth.depth)
+    instances = _extra_image(pair, truth.instances, decode_any_image)
+    if instances is None:
+        # Without instances, connected rock pixels are one rock.
+        instances = connected(labels == ROCK)
     return LabelledFrame(
         stamp_ns=pair.stamp_ns,
         camera=pair.camera,
         left=pair.left,
         right=pair.right,
         labels=labels,
-        instances=_rock_numbers(labels) if instances is None else instances.astype(np.uint16),
-        depth_m=depth_m,
+        instances=instances.astype(np.uint16),
+        depth_m=_extra_image(pair, truth.depth, decode_float_image),
         gravity=_gravity(pair, truth.pose),
     )
 
 
-def _decoded(pair: StereoPair, topic: str | None) -> NDArray[Any] | None:
+def _extra_image(
+    pair: StereoPair, topic: str | None, decode: Callable[[Any, str], NDArray[Any]]
+) -> NDArray[Any] | None:
+    """Decode an extra image of the left image's size; None if the pair has none."""
     if topic is None or topic not in pair.extras:
         return None
-    image = decode_any_image(pair.extras[topic], topic)
-    _check_shape(image, pair, topic)
+    image = decode(pair.extras[topic], topic)
+    if image.shape != pair.left.shape[:2]:
+        height, width = pair.left.shape[:2]
+        shape = ' x '.join(str(size) for size in image.shape[1::-1] + image.shape[2:])
+        raise ImageError(
+            f'{topic} is {shape}, the left image {width} x {height}: expected the same size'
+        )
     return image
-
-
-def _depth(pair: StereoPair, topic: str | None) -> NDArray[np.float32] | None:
-    if topic is None or topic not in pair.extras:
-        return None
-    depth_m = decode_float_image(pair.extras[topic], topic)
-    _check_shape(depth_m, pair, topic)
-    return depth_m
 
 
 def _gravity(pair: StereoPair, topic: str | None) -> Gravity | None:
     if topic is None or topic not in pair.extras:
         return None
-    turn = pair.extras[topic].pose.orientation
-    x, y, z, w = (float(value) for value in (turn.x, turn.y, turn.z, turn.w))
+    orientation = pair.extras[topic].pose.orientation
+    x, y, z, w = (float(getattr(orientation, name)) for name in 'xyzw')
     square = x * x + y * y + z * z + w * w
-    if not 0.9 < square < 1.1:
+    lowest, highest = SQUARED_NORM_LIMITS
+    if not lowest < square < highest:
         return None
-    # The world's z as the optical frame sees it: the last row of the rotation.
+    # The world's z axis in the optical frame: the last row of the rotation matrix.
     up = (2 * (x * z - y * w), 2 * (y * z + x * w), w * w - x * x - y * y + z * z)
     return Gravity((up[0] / square, up[1] / square, up[2] / square))
-
-
-def _check_shape(image: NDArray[Any], pair: StereoPair, topic: str) -> None:
-    if image.shape != pair.left.shape[:2]:
-        height, width = pair.left.shape[:2]
-        shape = ' x '.join(str(size) for size in image.shape[1::-1] + image.shape[2:])
-        msg = f'{topic} is {shape}, the left image {width} x {height}: expected the same size'
-        raise ImageError(msg)
 
 
 def _check_labels(labels: NDArray[Any], topic: str) -> None:
     expected = f'expected mono8 with {", ".join(map(str, LABEL_VALUES))}'
     if labels.dtype != np.uint8:
-        msg = f'{topic} has type {labels.dtype}: {expected}'
-        raise ImageError(msg)
+        raise ImageError(f'{topic} has type {labels.dtype}: {expected}')
     values = np.flatnonzero(np.bincount(labels.ravel()))
     unknown = np.setdiff1d(values, LABEL_VALUES)
     if unknown.size:
-        msg = f'{topic} has the value {unknown[0]}: {expected}'
-        raise ImageError(msg)
-
-
-def _rock_numbers(labels: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    return connected(labels == ROCK).astype(np.uint16)
+        raise ImageError(f'{topic} has the value {unknown[0]}: {expected}')
 
 
 def _ends_in(topic: str, name: str) -> bool:

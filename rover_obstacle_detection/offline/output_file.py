@@ -1,4 +1,4 @@
-"""A result file that appears whole or not at all."""
+"""Write result files atomically."""
 
 from __future__ import annotations
 
@@ -12,29 +12,28 @@ from rover_obstacle_detection.errors import OutputError
 
 
 def check_output_file(path: Path, *, force: bool) -> None:
-    """Refuse before the work a file that could not be written after it.
+    """Check that a file can be written, before the work that produces it.
 
     Raises
     ------
     OutputError
-        If it is no place for a file, or there is one and `force` is not set.
+        If the folder does not exist, the path is not a regular file, or the file exists and
+        `force` is not set.
     """
     is_other = path.exists() and not path.is_file()
     if is_other or not path.absolute().parent.is_dir():
-        msg = f'cannot write {path}: expected a file in a folder that exists'
-        raise OutputError(msg)
+        raise OutputError(f'cannot write {path}: expected a file in an existing folder')
     if path.exists() and not force:
-        msg = f'{path} exists: give --force to replace it'
-        raise OutputError(msg)
+        raise OutputError(f'{path} exists: give --force to replace it')
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text under another name, and move it into place.
+    """Write text to a temporary file and rename it.
 
     Raises
     ------
     OutputError
-        If it cannot be written; then what was there before is left as it was.
+        If the file cannot be written. An existing file is then unchanged.
     """
     path = path.resolve()
     temporary = path.with_name(f'.{path.name}.{secrets.token_hex(4)}')
@@ -42,12 +41,19 @@ def write_whole(path: Path, text: str) -> None:
         temporary.write_text(text, encoding='utf-8')
         temporary.replace(path)
     except OSError as error:
-        msg = f'cannot write {path}: {error.strerror}'
-        raise OutputError(msg) from error
+        raise OutputError(f'cannot write {path}: {error.strerror}') from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def write_json_whole(path: Path, content: Mapping[str, Any]) -> None:
-    """Write figures; a number that is not finite is a mistake and raises ValueError."""
+    """Write a JSON file as `write_whole` does.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    ValueError
+        If a number is not finite, which JSON cannot represent.
+    """
     write_whole(path, json.dumps(content, indent=2, allow_nan=False) + '\n')

@@ -1,4 +1,4 @@
-"""A result folder that appears whole or not at all."""
+"""Write result folders atomically."""
 
 from __future__ import annotations
 
@@ -11,56 +11,56 @@ from pathlib import Path
 from rover_obstacle_detection.errors import OutputError
 
 
-def check_output(path: Path, *, force: bool) -> None:
-    """Refuse an output folder that holds something, unless forced.
+def check_output_folder(path: Path, *, force: bool) -> None:
+    """Check that an output folder is missing or empty, or that `force` is set.
 
     Raises
     ------
     OutputError
-        If it is a file, or a folder with anything in it and `force` is not set.
+        If the folder is not empty and `force` is not set, or if the path is not a folder.
     """
     if path.is_dir():
         if not force and any(path.iterdir()):
-            msg = f'output folder {path} exists and is not empty: give --force to replace it'
-            raise OutputError(msg)
+            raise OutputError(
+                f'output folder {path} is not empty: give --force to replace earlier results'
+            )
     elif path.exists() or path.is_symlink():
-        msg = f'output {path} is a file: expected a folder'
-        raise OutputError(msg)
+        raise OutputError(f'output {path} is a file: expected a folder')
 
 
 @contextlib.contextmanager
 def output_folder(path: Path, *, force: bool, replaces: Sequence[str]) -> Iterator[Path]:
-    """Fill a temporary sibling of a folder, and move it into place in the end.
+    """Provide a temporary folder and move it into place when the block ends.
 
     Parameters
     ----------
     path : Path
-        The folder to make, with its parents.
+        The folder to create, including its parents.
     force : bool
-        Write into a folder that exists.
+        Write into a folder that is not empty.
     replaces : sequence of str
-        Glob patterns, relative to the folder, of the files of an earlier run. Forced, these are
-        removed before the new ones are moved in; every other file is left as it is.
+        Glob patterns, relative to `path`, of the files of a previous run. They are removed
+        before the new files are moved in. All other files are kept.
 
     Yields
     ------
     Path
-        The temporary folder: removed on an error, on Ctrl-C, on `SystemExit`.
+        The temporary folder, next to `path`. Any exception, including `KeyboardInterrupt` and
+        `SystemExit`, removes it.
 
     Raises
     ------
     OutputError
-        If the folder exists and `force` is not set, or cannot be made.
+        If the folder is not empty and `force` is not set, or if it cannot be created.
     """
-    check_output(path, force=force)
+    check_output_folder(path, force=force)
     path = path.resolve()
     temporary = path.with_name(f'.{path.name}.{secrets.token_hex(4)}')
     with folder_if_filled(path.parent):
         try:
             temporary.mkdir()
         except OSError as error:
-            msg = f'cannot write to output folder {path}: {error.strerror}'
-            raise OutputError(msg) from error
+            raise OutputError(f'cannot write output folder {path}: {error.strerror}') from error
         try:
             yield temporary
             if path.is_dir():
@@ -75,19 +75,18 @@ def output_folder(path: Path, *, force: bool, replaces: Sequence[str]) -> Iterat
 
 @contextlib.contextmanager
 def folder_if_filled(path: Path) -> Iterator[None]:
-    """Make a folder with its parents, and take away again what is empty in the end.
+    """Create a folder and its parents; afterwards remove those that are still empty.
 
     Raises
     ------
     OutputError
-        If it cannot be made.
+        If the folder cannot be created.
     """
     missing = [each for each in (path, *path.parents) if not each.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        msg = f'cannot make output folder {path}: {error.strerror}'
-        raise OutputError(msg) from error
+        raise OutputError(f'cannot create output folder {path}: {error.strerror}') from error
     try:
         yield
     finally:
@@ -97,6 +96,7 @@ def folder_if_filled(path: Path) -> Iterator[None]:
 
 
 def _remove(folder: Path, patterns: Sequence[str]) -> None:
+    """Remove matching files, and subfolders that become empty."""
     for pattern in patterns:
         for old in list(folder.glob(pattern)):
             if not old.is_dir():
@@ -106,6 +106,7 @@ def _remove(folder: Path, patterns: Sequence[str]) -> None:
 
 
 def _merge(source: Path, target: Path) -> None:
+    """Move the content of a folder into another, replacing files of the same name."""
     target.mkdir(exist_ok=True)
     for new in list(source.iterdir()):
         place = target / new.name

@@ -1,4 +1,4 @@
-"""Pictures of a detection as PNG files, each with a key beneath that explains its colours."""
+"""Write pictures of a detection as PNG files, each with a colour key below."""
 
 from __future__ import annotations
 
@@ -19,17 +19,20 @@ PICTURE_NAMES = ('overlay', *pictures.PICTURES)
 
 _BACKGROUND: Colour = (34, 34, 34)
 _TEXT: Colour = (225, 225, 225)
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+# For the distance of disparity 0, which would be infinite.
+_SMALLEST_DISPARITY_PX = 1e-3
 
 
 @dataclass(frozen=True)
 class ColourBar:
-    """An OpenCV colour map from its low end to its high end."""
+    """A bar of an OpenCV colour map, from low to high."""
 
     colour_map: int
 
 
 KeyItem = str | Colour | ColourBar
-"""A word, a colour's swatch, or a colour map's bar."""
+"""A text, a colour swatch or a colour bar."""
 
 
 def write_pictures(
@@ -37,7 +40,6 @@ def write_pictures(
     image: NDArray[Any] | None,
     folder: Path,
     prefix: str = '',
-    names: Sequence[str] = PICTURE_NAMES,
 ) -> None:
     """Write the overlay and the study's pictures as ``<prefix><name>.png``.
 
@@ -47,28 +49,24 @@ def write_pictures(
     image : ndarray, shape (height, width) or (height, width, 3), optional
         The left image, grey or BGR, for the overlay.
     folder : Path
-        Made if it does not exist.
+        Created if it does not exist.
     prefix : str
-    names : sequence of str
-        Which of `PICTURE_NAMES`.
     """
     folder.mkdir(exist_ok=True)
-    for name in names:
-        if name == 'overlay':
-            picture = pictures.overlay_picture(detection, image)
-        else:
-            picture = pictures.PICTURES[name](detection)
+    drawn = {'overlay': pictures.overlay_picture(detection, image)}
+    drawn.update((name, draw(detection)) for name, draw in pictures.PICTURES.items())
+    for name, picture in drawn.items():
         write_png(folder / f'{prefix}{name}.png', with_key(picture, _KEYS[name](detection)))
 
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
-    """Write an image, grey or BGR, losslessly."""
+    """Write a grey or BGR image as PNG."""
     _, data = cv2.imencode('.png', image)
     path.write_bytes(data.tobytes())
 
 
 def with_key(picture: Picture, items: Sequence[KeyItem]) -> Picture:
-    """Put a strip beneath a picture: words, swatches and bars from left to right."""
+    """Append a key below a picture: texts, swatches and bars from left to right."""
     width = picture.shape[1]
     scale = max(0.35, width / 1900.0)
     line = round(30 * scale)
@@ -77,10 +75,8 @@ def with_key(picture: Picture, items: Sequence[KeyItem]) -> Picture:
     for item in items:
         if isinstance(item, str):
             position = (cursor, bottom - line // 6)
-            cv2.putText(
-                strip, item, position, cv2.FONT_HERSHEY_SIMPLEX, scale, _TEXT, 1, cv2.LINE_AA
-            )
-            (text_width, _), _ = cv2.getTextSize(item, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+            cv2.putText(strip, item, position, _FONT, scale, _TEXT, 1, cv2.LINE_AA)
+            (text_width, _), _ = cv2.getTextSize(item, _FONT, scale, 1)
             cursor += text_width + line
             continue
         if isinstance(item, ColourBar):
@@ -99,14 +95,16 @@ def _overlay_key(detection: Detection) -> Sequence[KeyItem]:
         pictures.RED,
         'obstacle: height @ distance',
         pictures.LIGHT_GREY,
-        'hatched: not judged',
-        'the rest: free ground',
+        'hatched: unknown',
+        'no colour: free',
     )
 
 
 def _disparity_key(detection: Detection) -> Sequence[KeyItem]:
     lowest, highest = pictures.disparity_limits(detection)
-    far_m, near_m = (detection.camera.depth_m(max(each, 1e-3)) for each in (lowest, highest))
+    far_m, near_m = (
+        detection.camera.depth_m(max(each, _SMALLEST_DISPARITY_PX)) for each in (lowest, highest)
+    )
     return (
         f'disparity {lowest:.1f} px, {far_m:.1f} m away',
         ColourBar(cv2.COLORMAP_TURBO),
@@ -118,22 +116,22 @@ def _disparity_key(detection: Detection) -> Sequence[KeyItem]:
 
 def _regions_key(detection: Detection) -> Sequence[KeyItem]:
     count = len(np.unique(detection.regions))
-    return (f'{count} mean-shift regions, a colour each, as bright as the image there',)
+    return (f'{count} mean-shift regions, one colour each, mean brightness of the image',)
 
 
 def _seeds_key(detection: Detection) -> Sequence[KeyItem]:
     return (
         pictures.TEAL,
-        'seed region: judged by its 3D points',
+        'seed region: classified by 3D points',
         pictures.ORANGE,
-        'too few 3D points: judged by grey level',
+        'too few 3D points: classified by grey level',
     )
 
 
 def _roughness_step_key(detection: Detection) -> Sequence[KeyItem]:
     low_m, high_m = pictures.ROUGHNESS_STEP_RANGE_M
     return (
-        f'roughness + step in a window: {1000 * low_m:g} mm',
+        f'roughness + step per window: {1000 * low_m:g} mm',
         ColourBar(cv2.COLORMAP_INFERNO),
         f'{high_m:g} m, log scale',
         pictures.BLACK,
@@ -148,7 +146,7 @@ def _obstacle_map_key(detection: Detection) -> Sequence[KeyItem]:
         pictures.BLACK,
         'free',
         pictures.DARK_GREY,
-        'not judged',
+        'unknown',
     )
 
 

@@ -1,4 +1,4 @@
-"""Point clouds as PLY files, which every mesh viewer opens."""
+"""Write point clouds as PLY files."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ _GROUND_COLOUR = (170, 160, 145)
 def write_ply(
     path: Path, obstacle_points: NDArray[np.float32], ground_points: NDArray[np.float32]
 ) -> None:
-    """Write both clouds into one binary little-endian PLY file, coloured, obstacles first.
+    """Write obstacle and ground points, coloured, to one binary little-endian PLY file.
 
     Parameters
     ----------
     path : Path
     obstacle_points : ndarray of float32, shape (n, 5)
-        x, y, z in the left optical frame and height above the local ground, metres; confidence.
+        x, y, z in the left optical frame and height above the local ground, in metres;
+        confidence.
     ground_points : ndarray of float32, shape (m, 4)
-        The same without the confidence, which the file gives as 0.
+        The same without confidence, which is 0 in the file.
     """
     clouds = (
         (obstacle_points, _OBSTACLE_COLOUR, 1),

@@ -1,4 +1,4 @@
-"""The detector over one recording: pairs in, a bag of detections, pictures and a summary out."""
+"""Run the detector on one recording and write detections, pictures and a summary."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
+from rover_obstacle_detection.offline.output_file import write_json_whole
 from rover_obstacle_detection.offline.output_folder import output_folder
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures
 from rover_obstacle_detection.offline.stopwatch import Stopwatch
@@ -27,17 +28,16 @@ from rover_obstacle_detection.offline.summary import (
     FrameSummary,
     ReplayFrame,
     ReplaySummary,
-    write_json,
 )
 from rover_obstacle_detection.pairing import PairingStatistics
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_images import refuse_swapped_images
 
 OnProgress = Callable[[int, int], None]
-"""Called with the pairs done and the pairs expected."""
+"""Called with the number of pairs done and expected."""
 
 WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points')
-OWN_FILES = (
+OUTPUT_FILES = (
     'summary.json',
     'detections/metadata.yaml',
     'detections/*.mcap',
@@ -47,29 +47,29 @@ OWN_FILES = (
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """What to replay of a recording, how, and what to write.
+    """What to replay and what to write.
 
     Parameters
     ----------
     config : DetectorConfig
     rover : RoverMask, optional
-        Where the left images show the rover itself.
+        Pixels that show the rover itself.
     left_topic, right_topic : str, optional
-        Image topics; found by their names if not given.
+        Image topics; found by name if omitted.
     calibration : tuple of Path, optional
-        Calibration files of the left and the right camera; from the bag if not given.
+        Calibration files of the left and the right camera; from the bag if omitted.
     tolerance_ns : int, optional
-        Largest difference of the stamps of a pair; equal stamps if not given.
+        Largest stamp difference of a pair; equal stamps are required if omitted.
     start_s, duration_s : float
-        The part of the recording, from its start.
+        The part of the recording to replay, in seconds from its start.
     every : int
-        Take every n-th pair.
+        Use every n-th pair.
     salvage : bool
-        Replay a damaged recording as far as it can be read, instead of refusing it.
+        Replay the readable part of a damaged recording instead of refusing it.
     images : bool
         Write the pictures of each pair.
     force : bool
-        Replace the files of an earlier run.
+        Replace the files of a previous run.
     """
 
     config: DetectorConfig
@@ -89,19 +89,19 @@ class ReplayOptions:
 def replay_bag(
     path: Path, output: Path, options: ReplayOptions, on_progress: OnProgress
 ) -> ReplaySummary:
-    """Run the detector over a recording and write what it saw.
+    """Run the detector on a recording and write the results.
 
-    `output` appears whole or not at all: ``detections`` (rosbag2, mcap), ``summary.json`` and, if
-    asked for, ``images``.
+    `output` is written atomically: ``detections`` (rosbag2, mcap), ``summary.json`` and
+    optionally ``images``.
 
     Raises
     ------
     ObstacleDetectionError
-        If the recording cannot be read, lacks something, or not one of its pairs can be used.
+        If the recording cannot be read, lacks topics or has no usable pair.
     """
     with open_bag(path) as bag:
         if bag.notes and not options.salvage:
-            raise BagError(f'{bag.notes[0]}; give --salvage to replay these')
+            raise BagError(f'{bag.notes[0]}: give --salvage to replay these')
         topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
         calibration = (
             load_stereo_calibration(*options.calibration) if options.calibration else None
@@ -115,7 +115,7 @@ def replay_bag(
             duration_s=options.duration_s,
             every=options.every,
         )
-        with output_folder(output, force=options.force, replaces=OWN_FILES) as folder:
+        with output_folder(output, force=options.force, replaces=OUTPUT_FILES) as folder:
             run = _Run(topics, folder, options)
             with BagWriter(folder / 'detections', compress=False) as writer:
                 expected = _expected_pairs(bag, topics, options)
@@ -123,12 +123,12 @@ def replay_bag(
                     run.process(pair, writer)
                     on_progress(done, max(done, expected))
                 summary = run.summary(bag, pairs)
-            write_json(folder / 'summary.json', summary.as_json())
+            write_json_whole(folder / 'summary.json', summary.as_json())
     return summary
 
 
 class _Run:
-    """The state of one replay: the detector, and what it has come to so far."""
+    """The state of one replay: the detector and the results so far."""
 
     def __init__(self, topics: StereoTopics, folder: Path, options: ReplayOptions) -> None:
         self._topics = topics
@@ -141,7 +141,7 @@ class _Run:
         self._bad_frames: list[BadFrame] = []
 
     def timed(self, pairs: StereoPairs) -> Iterator[StereoPair | BadFrame]:
-        """Pass the pairs on, each with its reading as the first lap."""
+        """Pass the pairs on, timing how long each takes to read."""
         self._stopwatch.take_ms()
         for pair in pairs:
             self._stopwatch.lap(READ)
@@ -149,7 +149,7 @@ class _Run:
             self._stopwatch.take_ms()
 
     def process(self, pair: StereoPair | BadFrame, writer: BagWriter) -> None:
-        """Detect in one pair, and write the result."""
+        """Detect obstacles in one pair and write the result."""
         if isinstance(pair, BadFrame):
             self._bad_frames.append(pair)
             return
@@ -178,7 +178,7 @@ class _Run:
         self._frames.append(ReplayFrame(number, pair.stamp_ns, summary, taken_ms))
 
     def summary(self, bag: BagReader, pairs: StereoPairs) -> ReplaySummary:
-        """Sum up; not one usable pair is an error."""
+        """Return the summary, or raise an error if no pair could be used."""
         statistics = pairs.statistics
         if not self._frames:
             raise BagError(_nothing_usable(bag.path, self._topics, statistics, self._bad_frames))
@@ -204,7 +204,7 @@ class _Run:
 
 
 def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions) -> int:
-    """Guess the number of pairs from the counts of messages, for the progress bar."""
+    """Estimate the number of pairs from the message counts, for the progress bar."""
     images = min(bag.message_count(topics.left_image), bag.message_count(topics.right_image))
     length_s = max((bag.end_ns - bag.start_ns) / 1e9, 1e-9)
     wanted_s = max(length_s - options.start_s, 0.0)
@@ -225,7 +225,7 @@ def _nothing_usable(
     )
     if bad_frames:
         first = bad_frames[0]
-        return f'{path}: no pair can be used: {counts}, {len(bad_frames)} bad: {first.reason}'
+        return f'{path}: no usable pair: {counts}, {len(bad_frames)} bad: {first.reason}'
     gap_ns = statistics.smallest_gap_ns
     if gap_ns:
         gap_s = gap_ns / 1e9
@@ -233,7 +233,7 @@ def _nothing_usable(
             f'{path}: no pair: {counts}, smallest stamp gap {1000 * gap_s:.3f} ms; '
             f'try --approximate-sync {_rounded_up(gap_s):g}'
         )
-    return f'{path}: no pair: {counts} in the part asked for'
+    return f'{path}: no pair: {counts} in the selected part'
 
 
 def _rounded_up(value: float) -> float:

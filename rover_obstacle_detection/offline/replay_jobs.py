@@ -1,4 +1,4 @@
-"""Several recordings, one after another or shared out among processes."""
+"""Replay several recordings, one after another or in parallel processes."""
 
 from __future__ import annotations
 
@@ -15,41 +15,42 @@ from typing import Any
 
 import cv2
 
+from rover_obstacle_detection.bags.reader import bag_name
 from rover_obstacle_detection.errors import ObstacleDetectionError, OutputError
 from rover_obstacle_detection.offline.replay import ReplayOptions, replay_bag
 from rover_obstacle_detection.offline.summary import ReplaySummary
 
 OnJobProgress = Callable[[int, int, int], None]
-"""Called with the job's index, the pairs done and the pairs expected."""
+"""Called with the job's index and the number of pairs done and expected."""
 
 Result = tuple[int, ReplaySummary | ObstacleDetectionError]
 
-_POLL_S = 0.1
+_POLL_S = 0.1  # how often progress is passed on
 
 
 @dataclass(frozen=True)
 class ReplayJob:
-    """One recording and the folder of its results."""
+    """A recording and the folder for its results."""
 
     bag: Path
     output: Path
 
 
 def plan_jobs(bags: Sequence[Path], output: Path) -> list[ReplayJob]:
-    """Give a single recording the output folder itself, several a folder each within it.
+    """Choose the output folder of each recording.
 
-    The folders are named after the recordings; of those of the same name the second gets ``_2``.
+    A single recording is written to `output` itself. Several get a subfolder each, named after
+    the recording; the second of the same name gets the suffix ``_2``.
     """
     if len(bags) == 1:
         return [ReplayJob(bags[0], output)]
     jobs: list[ReplayJob] = []
     taken: set[str] = set()
     for bag in bags:
-        stem = bag.resolve().stem if bag.is_file() else bag.resolve().name
-        name, count = stem, 1
+        name, count = bag_name(bag), 1
         while name in taken:
             count += 1
-            name = f'{stem}_{count}'
+            name = f'{bag_name(bag)}_{count}'
         taken.add(name)
         jobs.append(ReplayJob(bag, output / name))
     return jobs
@@ -61,20 +62,20 @@ def replay_jobs(
     workers: int,
     on_progress: OnJobProgress,
 ) -> Generator[Result, None, None]:
-    """Replay every recording; one that fails does not hold up the others.
+    """Replay every recording; if one fails, the others are still replayed.
 
     Parameters
     ----------
     jobs : sequence of ReplayJob
     options : ReplayOptions
     workers : int
-        Processes at work at a time.
+        Number of parallel processes.
     on_progress : callable
 
     Yields
     ------
     index, result : int and ReplaySummary or ObstacleDetectionError
-        As they end.
+        In the order in which the jobs end.
     """
     workers = min(workers, len(jobs))
     if workers > 1:
@@ -103,7 +104,7 @@ def _in_processes(
     workers: int,
     on_progress: OnJobProgress,
 ) -> Generator[Result, None, None]:
-    # OpenCV's threads do not survive a fork.
+    # OpenCV's thread pool does not survive a fork.
     context = multiprocessing.get_context('spawn')
     progress, stop = context.Queue(), context.Event()
     threads = max(1, (os.cpu_count() or 1) // workers)
@@ -120,7 +121,7 @@ def _in_processes(
                 index = indices[future]
                 yield index, _result(future, jobs[index])
     finally:
-        # Workers that are still at it clean up at their next frame.
+        # Running workers stop and clean up at their next frame.
         stop.set()
         pool.shutdown(wait=True, cancel_futures=True)
         progress.cancel_join_thread()
@@ -134,8 +135,7 @@ def _result(
         return future.result()
     except BrokenProcessPool:
         return OutputError(
-            f'{job.bag}: a worker process ended without a result, perhaps for want of memory; '
-            'try fewer --workers'
+            f'{job.bag}: a worker process died, possibly out of memory; try fewer --workers'
         )
 
 
@@ -152,10 +152,10 @@ _worker: tuple[Any, Any] | None = None
 
 def _start_worker(progress: Any, stop: Any, threads: int) -> None:
     global _worker
-    # The main process tells when to stop, also after a Ctrl-C, which reaches every process.
+    # Ctrl-C reaches every process, but the main process decides when workers stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(threads)
-    # An interrupted main process reads no more: nothing may wait for it.
+    # An interrupted main process no longer reads the queue; exiting must not wait for it.
     progress.cancel_join_thread()
     _worker = (progress, stop)
 

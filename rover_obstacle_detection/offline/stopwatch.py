@@ -1,4 +1,4 @@
-"""Milliseconds by stage, from the detector's ``on_stage`` calls."""
+"""Measure the time of each stage from the detector's ``on_stage`` calls."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 
 
 class Stopwatch:
-    """Times the stages of one frame after another.
+    """Measures the stages of one frame after another.
 
-    ``Detector.detect(..., on_stage=stopwatch.lap)`` names each stage as it ends. Laps of the same
-    name within a frame add up.
+    Pass ``on_stage=stopwatch.lap`` to `Detector.detect`, which calls it at the end of each stage.
+    Stages of the same name within a frame add up.
 
     Parameters
     ----------
     clock_ns : callable, optional
-        A monotonic clock, nanoseconds.
+        A monotonic clock in nanoseconds.
     """
 
     def __init__(self, clock_ns: Callable[[], int] = time.perf_counter_ns) -> None:
@@ -27,13 +27,13 @@ class Stopwatch:
         self._last_ns = clock_ns()
 
     def lap(self, stage: str) -> None:
-        """End a stage: the time since the last call is its own."""
+        """End a stage that began at the previous call."""
         now_ns = self._clock_ns()
         self._laps_ns[stage] = self._laps_ns.get(stage, 0) + now_ns - self._last_ns
         self._last_ns = now_ns
 
     def take_ms(self) -> dict[str, float]:
-        """Return the milliseconds of each stage in order, and start the next frame."""
+        """Return the milliseconds of each stage in order and start the next frame."""
         taken = {stage: lap_ns / 1e6 for stage, lap_ns in self._laps_ns.items()}
         self._laps_ns = {}
         self._last_ns = self._clock_ns()
@@ -42,7 +42,7 @@ class Stopwatch:
 
 @dataclass(frozen=True)
 class StageTime:
-    """Milliseconds of one stage over the frames that had it."""
+    """Time of one stage over the frames that include it."""
 
     mean_ms: float
     median_ms: float
@@ -51,7 +51,7 @@ class StageTime:
 
     @classmethod
     def of(cls, laps_ms: Sequence[float]) -> StageTime:
-        """Sum up one or more laps."""
+        """Summarise one or more times in milliseconds."""
         return cls(
             mean_ms=float(np.mean(laps_ms)),
             median_ms=float(np.median(laps_ms)),
@@ -61,7 +61,7 @@ class StageTime:
 
 
 def stage_times(frames: Iterable[Mapping[str, float]]) -> dict[str, StageTime]:
-    """Sum up the stages of all frames, in the order in which they first came."""
+    """Summarise each stage over all frames, in order of first occurrence."""
     by_stage: dict[str, list[float]] = {}
     for frame in frames:
         for stage, lap_ms in frame.items():

@@ -1,21 +1,20 @@
-"""``summary.json``: what went in, what came out and how long it took.
+"""The content of ``summary.json``: inputs, results and times.
 
-``docs/replay.md`` tells what each key means. Numbers that do not exist (the distance of an
-obstacle without 3D) are null, so that every JSON reader takes the file.
+``docs/replay.md`` documents every key. Missing numbers, such as the distance of an obstacle
+without 3D points, are null, because JSON has no NaN.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from rover_obstacle_detection import __version__
@@ -38,22 +37,26 @@ FILE_STAGES = (READ, WRITE_BAG, WRITE_IMAGES)
 
 @dataclass(frozen=True)
 class FrameSummary:
-    """One pair's result in numbers.
+    """The result of one pair in numbers.
 
     Parameters
     ----------
     obstacles : int
+        Number of obstacles.
     obstacle_share, matched_share, unknown_share : float
-        Shares of the image's pixels: on obstacles, with disparity, not judged.
+        Share of the image's pixels that are obstacle, have a disparity, are unknown.
     nearest_obstacle_m : float
-        Distance of the nearest obstacle's nearest point from the left eye; NaN where none.
+        Distance from the left camera to the nearest obstacle point; NaN if there is none.
     tallest_obstacle_m : float
-        Greatest height above the local ground; NaN where none.
-    camera_pitch_deg, camera_height_m : float
-        Of the optical axis below the horizon, and of the left eye above the ground in view.
-    rows_off_px, lens_bend_px : float
-        What was made good of the rectification: rows by which a side of the right image is off,
-        and how far a lens moves pixels, mean over the image.
+        Height of the tallest obstacle above the local ground; NaN if there is none.
+    camera_pitch_deg : float
+        Angle of the optical axis below the horizon.
+    camera_height_m : float
+        Height of the left camera above the visible ground.
+    rows_off_px : float
+        Estimated and corrected row misalignment of the right image, at its worst border.
+    lens_bend_px : float
+        Estimated and corrected residual lens distortion, mean over the image.
     """
 
     obstacles: int
@@ -69,15 +72,15 @@ class FrameSummary:
 
     @classmethod
     def of(cls, detection: Detection) -> FrameSummary:
-        """Sum up a detection."""
+        """Summarise a detection."""
         obstacles = detection.obstacles
         return cls(
             obstacles=len(obstacles),
             obstacle_share=float(np.mean(detection.mask == OBSTACLE)),
             matched_share=float(np.mean(detection.disparity > 0)),
             unknown_share=float(np.mean(~detection.known)),
-            nearest_obstacle_m=_extreme(min, [each.range_m for each in obstacles]),
-            tallest_obstacle_m=_extreme(max, [each.max_height_m for each in obstacles]),
+            nearest_obstacle_m=_extreme(min, (each.range_m for each in obstacles)),
+            tallest_obstacle_m=_extreme(max, (each.max_height_m for each in obstacles)),
             camera_pitch_deg=detection.ground.pitch_deg,
             camera_height_m=detection.ground.height_m,
             rows_off_px=detection.alignment.most_px(detection.camera),
@@ -85,7 +88,7 @@ class FrameSummary:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Return the figures, null where there is none."""
+        """Return the numbers, with None instead of NaN."""
         return _finite(dataclasses.asdict(self))
 
 
@@ -96,12 +99,12 @@ class ReplayFrame:
     Parameters
     ----------
     number : int
-        From 1; the number in the names of its pictures.
+        Counts from 1; part of the picture file names.
     stamp_ns : int
-        The left image's stamp.
+        Stamp of the left image.
     summary : FrameSummary
     stage_ms : mapping of str to float
-        Milliseconds by stage, in order: the detector's, and those of `FILE_STAGES`.
+        Milliseconds by stage, in order: the detector's stages and `FILE_STAGES`.
     """
 
     number: int
@@ -111,13 +114,13 @@ class ReplayFrame:
 
     @property
     def detection_ms(self) -> float:
-        """Milliseconds of the detector, without reading and writing."""
+        """Milliseconds in the detector, without reading and writing."""
         return sum(ms for stage, ms in self.stage_ms.items() if stage not in FILE_STAGES)
 
 
 @dataclass(frozen=True)
 class ReplaySummary:
-    """The replay of one recording; `notes` say what is wrong with it although it was read."""
+    """The replay of one recording; `notes` describe damage to a salvaged recording."""
 
     bag: str
     notes: tuple[str, ...]
@@ -130,12 +133,12 @@ class ReplaySummary:
 
     @property
     def times(self) -> dict[str, StageTime]:
-        """Milliseconds of each stage over all frames."""
+        """Time of each stage over all frames."""
         return stage_times(each.stage_ms for each in self.frames)
 
     @property
     def detection_time(self) -> StageTime:
-        """Milliseconds of the detector over all frames."""
+        """Time in the detector over all frames."""
         return StageTime.of([each.detection_ms for each in self.frames])
 
     def as_json(self) -> dict[str, Any]:
@@ -179,7 +182,7 @@ class ReplaySummary:
 
 
 def preamble(command: str, config: DetectorConfig) -> dict[str, Any]:
-    """Return the keys that every summary starts with: format, versions, parameters."""
+    """Return the keys common to all summaries: format, versions and parameters."""
     return {
         'format': f'rover_obstacle_detection {command}',
         'format_version': FORMAT_VERSION,
@@ -187,7 +190,7 @@ def preamble(command: str, config: DetectorConfig) -> dict[str, Any]:
             'rover_obstacle_detection': __version__,
             'python': platform.python_version(),
             'numpy': metadata.version('numpy'),
-            'opencv': _opencv_version(),
+            'opencv': cv2.__version__,
             'rosbags': metadata.version('rosbags'),
         },
         'parameters': dataclasses.asdict(config),
@@ -195,29 +198,16 @@ def preamble(command: str, config: DetectorConfig) -> dict[str, Any]:
 
 
 def obstacle_json(obstacle: Obstacle) -> dict[str, Any]:
-    """Return an obstacle's numbers: boxes in pixels and metres, height, distance, confidence."""
+    """Return an obstacle's fields, with None instead of NaN."""
     return _finite(dataclasses.asdict(obstacle))
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a summary; a number that is not finite is a mistake and raises ValueError."""
-    text = json.dumps(content, indent=2, allow_nan=False)
-    path.write_text(text + '\n', encoding='utf-8')
-
-
-def _opencv_version() -> str:
-    import cv2
-
-    return str(cv2.__version__)
-
-
-def _extreme(choose: Any, values: Sequence[float]) -> float:
-    return float(choose((each for each in values if math.isfinite(each)), default=math.nan))
+def _extreme(choose: Any, values: Iterable[float]) -> float:
+    """Return the minimum or maximum of the finite values; NaN if there are none."""
+    return float(choose(filter(math.isfinite, values), default=math.nan))
 
 
 def _spread(values: Sequence[float]) -> dict[str, float]:
-    if not values:
-        return {}
     return {
         'mean': float(np.mean(values)),
         'min': float(np.min(values)),
@@ -226,7 +216,7 @@ def _spread(values: Sequence[float]) -> dict[str, float]:
 
 
 def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Replace numbers that are not finite by None, also within tuples."""
+    """Replace NaN and infinity by None, also within tuples."""
 
     def clean(value: Any) -> Any:
         if isinstance(value, tuple):

@@ -1,4 +1,4 @@
-"""The tables at the end of a replay and of a detection."""
+"""Terminal tables of replays and of the obstacles in one pair."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.offline.stopwatch import StageTime
 from rover_obstacle_detection.offline.summary import ReplaySummary
 
-_COLUMNS = 4
-_LISTED_REASONS = 5
+_RECORDINGS_PER_TABLE = 4  # fits a terminal of 100 columns
+_LISTED_BAD_FRAMES = 5
 
 
 class _Row(NamedTuple):
@@ -27,20 +27,20 @@ class _Row(NamedTuple):
 
 
 def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
-    """Tabulate replays, a column each; what was wrong with bags and frames stands beneath."""
+    """Tabulate replays, one per column, followed by damaged bags and bad frames."""
     if len(summaries) == 1:
         tables = [_table(summaries, with_remarks=True)]
     else:
         tables = [
-            _table(summaries[start : start + _COLUMNS], with_remarks=False)
-            for start in range(0, len(summaries), _COLUMNS)
+            _table(summaries[start : start + _RECORDINGS_PER_TABLE], with_remarks=False)
+            for start in range(0, len(summaries), _RECORDINGS_PER_TABLE)
         ]
     remarks = [line for summary in summaries for line in _remarks(summary)]
     return Group(*tables, *remarks)
 
 
 def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
-    """Tabulate single obstacles, the nearest first."""
+    """Tabulate obstacles from near to far."""
     table = Table(title=f'{len(obstacles)} obstacles', title_justify='left')
     for name in (
         '#',
@@ -48,7 +48,7 @@ def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
         'height m',
         'width m',
         'depth m',
-        'sure',
+        'confidence',
         'pixels',
         'box x y w h',
     ):
@@ -86,7 +86,7 @@ def _table(summaries: Sequence[ReplaySummary], *, with_remarks: bool) -> Table:
 
 
 def _sections(summaries: Sequence[ReplaySummary]) -> Iterable[list[tuple[_Row, ...]]]:
-    """Each section's rows; of each row one for every summary."""
+    """Yield the rows of each section; each row has one entry per summary."""
     for section in (_counts, _times):
         yield list(zip(*(section(each) for each in summaries), strict=True))
 
@@ -99,9 +99,9 @@ def _counts(summary: ReplaySummary) -> list[_Row]:
     if statistics.unmatched_left and statistics.smallest_gap_ns:
         unmatched += f'; smallest stamp gap {statistics.smallest_gap_ns / 1e6:.3f} ms'
     return [
-        _Row('left frames', str(statistics.left), summary.topics.left_image),
-        _Row('right frames', str(statistics.right), summary.topics.right_image),
-        _Row('pairs', str(statistics.pairs), f'{len(summary.frames)} through the detector'),
+        _Row('left images', str(statistics.left), summary.topics.left_image),
+        _Row('right images', str(statistics.right), summary.topics.right_image),
+        _Row('pairs', str(statistics.pairs), f'{len(summary.frames)} processed'),
         _Row('unmatched', str(statistics.unmatched_left + statistics.unmatched_right), unmatched),
         _Row('bad frames', str(bad), 'skipped, see below' if bad else ''),
         _Row(
@@ -114,18 +114,18 @@ def _counts(summary: ReplaySummary) -> list[_Row]:
 
 def _times(summary: ReplaySummary) -> list[_Row]:
     stages = [_time(f'{stage}, ms per frame', time) for stage, time in summary.times.items()]
-    return [*stages, _time('detection in all, ms per frame', summary.detection_time)]
+    return [*stages, _time('detector total, ms per frame', summary.detection_time)]
 
 
 def _time(name: str, time: StageTime) -> _Row:
-    return _Row(name, f'{time.mean_ms:.1f}', f'95 % under {time.p95_ms:.1f}')
+    return _Row(name, f'{time.mean_ms:.1f}', f'95th percentile {time.p95_ms:.1f}')
 
 
 def _remarks(summary: ReplaySummary) -> Iterable[Text]:
     yield from (Text(note) for note in summary.notes)
-    for bad in summary.bad_frames[:_LISTED_REASONS]:
+    for bad in summary.bad_frames[:_LISTED_BAD_FRAMES]:
         yield Text(f'bad frame at {bad.stamp_ns / 1e9:.3f} s: {bad.reason}')
-    more = len(summary.bad_frames) - _LISTED_REASONS
+    more = len(summary.bad_frames) - _LISTED_BAD_FRAMES
     if more > 0:
         yield Text(f'and {more} more bad frames: see summary.json')
 

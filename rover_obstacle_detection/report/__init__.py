@@ -1,1 +1,1 @@
-"""HTML pages in one file, with their pictures inside, that can be opened from a mail."""
+"""Self-contained HTML reports with plots and embedded pictures."""

@@ -1,4 +1,4 @@
-"""The libraries of the extra ``report``."""
+"""Import the libraries of the optional dependency group ``report``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rover_obstacle_detection.errors import MissingExtraError
 
 
 def report_library(module: str) -> Any:
-    """Import a library that reports need.
+    """Import a module that reports need.
 
     Raises
     ------
@@ -19,20 +19,19 @@ def report_library(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        msg = (
-            f'a report needs {module.partition(".")[0]}, which is not installed: '
+        raise MissingExtraError(
+            f'reports need {module.partition(".")[0]}, which is not installed: '
             "pip install 'rover_obstacle_detection[report]'"
-        )
-        raise MissingExtraError(msg) from error
+        ) from error
 
 
 def require_report_libraries() -> None:
-    """Import all that a report needs.
+    """Check that all libraries for reports are installed.
 
     Raises
     ------
     MissingExtraError
-        If one is not installed.
+        If one is missing.
     """
     for module in ('jinja2', 'matplotlib'):
         report_library(module)

@@ -1,4 +1,4 @@
-"""A page of sections with text, tables and pictures, and its rendering."""
+"""Render pages with sections of text, tables and pictures as HTML."""
 
 from __future__ import annotations
 
@@ -28,22 +28,19 @@ class PictureBlock:
     ----------
     caption : str
     data : bytes
-        The file.
+        Content of the image file.
     mime : str
-        Its type: ``image/jpeg``, ``image/png``, ``image/svg+xml``.
-    is_wide : bool
-        Whether it takes the page's width instead of sharing a row.
+        MIME type, for example ``image/jpeg`` or ``image/svg+xml``.
     """
 
     caption: str
     data: bytes
     mime: str
-    is_wide: bool = False
     kind: str = 'picture'
 
     @property
     def url(self) -> str:
-        """The picture itself as a data URL."""
+        """The picture as a data URL."""
         return f'data:{self.mime};base64,{base64.b64encode(self.data).decode("ascii")}'
 
 
@@ -60,14 +57,14 @@ Block = TableBlock | PictureBlock | TextBlock
 
 @dataclass(frozen=True)
 class Section:
-    """A headed part of the page.
+    """A section of the page.
 
     Parameters
     ----------
     title : str
     blocks : sequence of Block
     is_folded : bool
-        Whether it opens on a click only.
+        Whether it is collapsed until clicked.
     """
 
     title: str
@@ -77,7 +74,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """A page: a title, what it is about, sections, and a line at the foot."""
+    """A page with a title, introductory paragraphs, sections and a footer."""
 
     title: str
     lead: Sequence[str]
@@ -86,7 +83,7 @@ class Page:
 
 
 def render_page(page: Page) -> str:
-    """Turn a page into HTML that needs no other file.
+    """Render a page as HTML without external files.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Plots as SVG files, without a screen and without a state of their own."""
+"""Draw plots as SVG, without a display and without global matplotlib state."""
 
 from __future__ import annotations
 
@@ -29,22 +29,23 @@ _STYLE = {
     'grid.color': '#e3e6ea',
     'font.size': 10,
     'legend.frameon': False,
+    # Makes the identifiers in the file reproducible.
     'svg.hashsalt': 'rover',
 }
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a plot; points whose x or y is None are left out.
+    """A line of a plot; points whose x or y is None are omitted.
 
     Parameters
     ----------
     label : str
     x, y : sequence of float or None
     colour : int
-        Which of the colours: the same thing has the same in every plot. The first is drawn bold.
+        Index of the colour, the same for a method in every plot. Colour 0 is drawn bold.
     marked : int, optional
-        Index of a point to stress.
+        Index of a point to draw large.
     """
 
     label: str
@@ -62,14 +63,14 @@ def line_plot(
     x_names: Sequence[str] = (),
     y_limits: tuple[float, float] | None = None,
 ) -> bytes:
-    """Draw lines with markers.
+    """Draw lines with markers as SVG.
 
     Parameters
     ----------
     lines : sequence of Line
     x_label, y_label : str
     x_names : sequence of str
-        Names of x = 0, 1, 2 ... where x counts something.
+        Tick labels of x = 0, 1, 2 ..., for a categorical axis.
     y_limits : tuple of float, optional
 
     Raises
@@ -96,15 +97,16 @@ def distribution_plot(
     threshold: float,
     x_label: str,
 ) -> bytes:
-    """Draw histograms over a logarithmic axis, and a threshold as a line.
+    """Draw histograms on a logarithmic axis and a threshold, as SVG.
 
     Parameters
     ----------
     edges : sequence of float
-        Of the spans, all over 0.
+        Bin edges, all positive.
     shares : sequence of (str, sequence of float)
-        Name, and share of each span.
+        Label, and share of each bin.
     threshold : float
+        Drawn as a dashed line.
     x_label : str
 
     Raises
@@ -125,7 +127,7 @@ def distribution_plot(
 
 
 def bar_plot(names: Sequence[str], values: Sequence[float], x_label: str) -> bytes:
-    """Draw horizontal bars, each with its value; logarithmic where they differ tenfold.
+    """Draw horizontal bars with their values as SVG; logarithmic if they differ tenfold.
 
     Raises
     ------

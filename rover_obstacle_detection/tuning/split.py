@@ -7,8 +7,8 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rover_obstacle_detection.bags.reader import bag_name
 from rover_obstacle_detection.errors import ConfigurationError
-from rover_obstacle_detection.offline.evaluate import bag_name
 
 HELD_OUT_SHARE = 0.3
 TUNE_PREFIXES = ('tune_', 'tuning_')

@@ -59,14 +59,14 @@ def test_the_table_shows_counts_obstacles_and_times(replayed):
         cells = [cell.strip() for cell in line.strip('│').split('│')]
         if len(cells) == 3:
             rows[cells[0]] = cells[1:]
-    assert rows['left frames'] == ['3', '/cam/left/image_rect']
-    assert rows['right frames'] == ['3', '/cam/right/image_rect']
-    assert rows['pairs'] == ['3', '3 through the detector']
+    assert rows['left images'] == ['3', '/cam/left/image_rect']
+    assert rows['right images'] == ['3', '/cam/right/image_rect']
+    assert rows['pairs'] == ['3', '3 processed']
     assert rows['unmatched'][0] == '0'
     assert rows['bad frames'][0] == '0'
     assert float(rows['obstacles per frame'][0]) >= 1
     assert float(rows['disparity, ms per frame'][0]) > 0
-    assert float(rows['detection in all, ms per frame'][0]) > 0
+    assert float(rows['detector total, ms per frame'][0]) > 0
     assert f'images: {output / "images"}' in done.stdout
     assert done.stderr == ''
 
@@ -190,7 +190,7 @@ def test_a_part_of_the_recording(bag, tmp_path, capsys):
         FIRST_STAMP_NS + 2 * PERIOD_NS,
     ]
     assert summary['counts']['pairs'] == 3
-    assert '2 through the detector' in capsys.readouterr().out
+    assert '2 processed' in capsys.readouterr().out
 
 
 def test_parameters_come_from_the_file_then_from_set_then_from_method(bag, tmp_path):

@@ -1,4 +1,4 @@
-"""Labelled recordings in, figures out."""
+"""Evaluate methods on labelled recordings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OPTIONS = RunOptions(['hybrid'], DetectorConfig())
 
 @pytest.fixture(autouse=True)
 def hand_made_methods(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The hybrid finds the upper half of the rock, the study method nothing."""
+    """Replace the methods: hybrid flags the upper half of the rock, study nothing."""
 
     def half(camera, left, right):
         assert left.shape == right.shape == camera.shape
@@ -49,7 +49,7 @@ def evaluated(path: Path, options: RunOptions = OPTIONS, **bag_options) -> Evalu
     return evaluate_bag(path, options, BagOptions(**bag_options), lambda done, expected: None)
 
 
-def test_the_figures_of_a_hand_made_recording(tmp_path: Path) -> None:
+def test_figures_of_a_small_recording(tmp_path: Path) -> None:
     evaluation = evaluated(write_labelled(tmp_path / 'report_03_noon'))
     (result,) = evaluation.scenes
     assert (result.method, result.scene, result.conditions) == (
@@ -72,7 +72,7 @@ def test_the_figures_of_a_hand_made_recording(tmp_path: Path) -> None:
     assert evaluation.by_range('hybrid')[3] == one + one, 'all at 2.5 m'
 
 
-def test_every_method_sees_every_frame(tmp_path: Path) -> None:
+def test_every_method_runs_on_every_frame(tmp_path: Path) -> None:
     options = RunOptions(['hybrid', 'study'], DetectorConfig())
     evaluation = evaluated(write_labelled(tmp_path / 'bag', frames=3), options)
     assert evaluation.methods == ('hybrid', 'study')
@@ -81,12 +81,12 @@ def test_every_method_sees_every_frame(tmp_path: Path) -> None:
     assert all(frame.seconds > 0 for frame in evaluation.scenes[0].frames)
 
 
-def test_every_nth_frame(tmp_path: Path) -> None:
+def test_only_every_nth_frame_is_evaluated(tmp_path: Path) -> None:
     evaluation = evaluated(write_labelled(tmp_path / 'bag', frames=3), every=2)
     assert len(evaluation.scenes[0].frames) == 2
 
 
-def test_the_curve_runs_methods_with_a_clearance_at_others(tmp_path: Path) -> None:
+def test_the_curve_covers_methods_with_a_clearance_only(tmp_path: Path) -> None:
     seen = []
     registry.METHODS['hybrid'] = lambda config: (
         seen.append(config.max_step) or (lambda *_: np.zeros(SHAPE, np.uint8))
@@ -117,12 +117,12 @@ def test_without_instances_connected_rock_is_one_rock(tmp_path: Path) -> None:
     assert evaluation.scenes[0].figures.rocks == 2, 'one in each frame'
 
 
-def test_without_depth_there_is_no_figure_by_distance(tmp_path: Path) -> None:
+def test_figures_by_distance_need_depth(tmp_path: Path) -> None:
     evaluation = evaluated(write_labelled(tmp_path / 'bag', depth=None))
     assert evaluation.by_range('hybrid') == ()
 
 
-def test_conditions_and_rig_as_the_recording_says(tmp_path: Path) -> None:
+def test_conditions_and_rig_come_from_the_recording_unless_given(tmp_path: Path) -> None:
     scene = {'name': 'x', 'rig': 'navcam', 'conditions': ['moon', 'dust_spots']}
     bag = write_labelled(tmp_path / 'bag', scene=scene)
     assert evaluated(bag).conditions == ('dust_spots', 'moon', 'rig navcam')
@@ -131,7 +131,7 @@ def test_conditions_and_rig_as_the_recording_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('text', ['no JSON', '[1, 2]', '{"conditions": 5}'])
-def test_a_scene_of_another_form_leaves_the_name(tmp_path: Path, text: str) -> None:
+def test_an_invalid_scene_topic_is_ignored(tmp_path: Path, text: str) -> None:
     bag = write_labelled(tmp_path / 'tune_dunes', scene=text)
     assert evaluated(bag).conditions == ('dunes',)
 
@@ -146,16 +146,16 @@ def test_a_scene_of_another_form_leaves_the_name(tmp_path: Path, text: str) -> N
         ('reports', 'reports'),
     ],
 )
-def test_the_condition_in_a_name(name: str, condition: str) -> None:
+def test_the_condition_is_the_name_without_prefixes(name: str, condition: str) -> None:
     assert condition_in(name) == condition
 
 
-def test_recordings_of_the_same_name_keep_apart() -> None:
+def test_recordings_of_the_same_name_get_distinct_scene_names() -> None:
     paths = [Path('/data/monday/bag'), Path('/data/tuesday/bag'), Path('/data/other.mcap')]
     assert scene_names(paths) == ['monday/bag', 'tuesday/bag', 'other']
 
 
-def test_truth_in_another_namespace_is_found(tmp_path: Path) -> None:
+def test_ground_truth_is_found_in_any_namespace(tmp_path: Path) -> None:
     bag = write_labelled(tmp_path / 'bag', namespace='/rover/truth')
     with open_bag(bag) as reader:
         topics = find_truth_topics(reader)
@@ -164,21 +164,21 @@ def test_truth_in_another_namespace_is_found(tmp_path: Path) -> None:
     assert evaluated(bag).scenes[0].figures.rocks_found == 2
 
 
-def test_labels_of_another_name_are_chosen(tmp_path: Path) -> None:
+def test_the_labels_topic_can_be_given(tmp_path: Path) -> None:
     messages = stereo_messages(1)
     messages.append(truth('/annotation/mask', labels(), 0, 'mono8'))
     bag = write_ros2(tmp_path / 'bag', messages)
-    with pytest.raises(BagError, match=r'no topic truth/labels: it holds .*annotation'):
+    with pytest.raises(BagError, match=r'no topic truth/labels: the recording has .*annotation'):
         evaluated(bag)
     chosen = evaluated(bag, labels_topic='/annotation/mask')
     assert chosen.scenes[0].figures.true_positives == 128
-    with pytest.raises(BagError, match=r'topic /nowhere is not there'):
+    with pytest.raises(BagError, match=r'topic /nowhere is missing'):
         evaluated(bag, labels_topic='/nowhere')
     with pytest.raises(BagError, match=r'camera_info is sensor_msgs/msg/CameraInfo: expected'):
         evaluated(bag, labels_topic='/stereo/left/camera_info')
 
 
-def test_a_pair_without_labels_is_counted_and_named(tmp_path: Path) -> None:
+def test_a_pair_without_labels_is_reported(tmp_path: Path) -> None:
     messages = stereo_messages(2)
     messages.append(truth('/truth/labels', labels(), 1, 'mono8'))
     evaluation = evaluated(write_ros2(tmp_path / 'bag', messages))
@@ -188,7 +188,7 @@ def test_a_pair_without_labels_is_counted_and_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ('array', 'encoding', 'said'),
+    ('array', 'encoding', 'message'),
     [
         (np.full(SHAPE, 7, np.uint8), 'mono8', 'has the value 7: expected mono8 with 0, 1, 2'),
         (np.zeros(SHAPE, np.uint16), 'mono16', 'has type uint16'),
@@ -196,15 +196,15 @@ def test_a_pair_without_labels_is_counted_and_named(tmp_path: Path) -> None:
         (np.zeros((*SHAPE, 3), np.uint8), 'bgr8', '32 x 24 x 3, the left image 32 x 24'),
     ],
 )
-def test_labels_that_do_not_fit_are_named(
-    tmp_path: Path, array: np.ndarray, encoding: str, said: str
+def test_invalid_labels_are_an_error(
+    tmp_path: Path, array: np.ndarray, encoding: str, message: str
 ) -> None:
     messages = [*stereo_messages(1), truth('/truth/labels', array, 0, encoding)]
-    with pytest.raises(BagError, match='no labelled frame.*truth/labels.*' + said):
+    with pytest.raises(BagError, match='no labelled frame.*truth/labels.*' + message):
         evaluated(write_ros2(tmp_path / 'bag', messages))
 
 
-def test_a_recording_that_fails_does_not_hold_up_the_others(tmp_path: Path) -> None:
+def test_recordings_are_evaluated_although_others_fail(tmp_path: Path) -> None:
     good = write_labelled(tmp_path / 'good')
     bad = write_ros2(tmp_path / 'bad', stereo_messages(1))
     progress = []
@@ -221,7 +221,7 @@ def test_a_recording_that_fails_does_not_hold_up_the_others(tmp_path: Path) -> N
     assert progress == [(2, 1, 2), (2, 2, 2)]
 
 
-def test_colour_pairs_are_scored_alike(tmp_path: Path) -> None:
+def test_colour_pairs_are_evaluated(tmp_path: Path) -> None:
     colour = np.repeat(np.zeros(SHAPE, np.uint8)[..., np.newaxis], 3, axis=2)
     messages = [
         each._replace(message=image(colour, START_NS, encoding='bgr8'))

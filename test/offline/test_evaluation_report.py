@@ -1,4 +1,4 @@
-"""What a picture shows, in words."""
+"""Descriptions of pictures in the report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def picture(*faults: Fault, figures: Figures = FIGURES, remarks: tuple[str, ...]
     return Picture('hybrid', 'one', frame, b'')
 
 
-def test_a_summary_says_what_was_lost_to_what() -> None:
+def test_the_first_line_lists_the_losses_of_iou() -> None:
     (line,) = summary_lines(picture())
     assert line == (
         'IoU 0.67 (lost: 25 % to obstacles missed, 10 % to outlines 0.5 px too wide, '
@@ -27,7 +27,7 @@ def test_a_summary_says_what_was_lost_to_what() -> None:
     )
 
 
-def test_a_summary_names_the_first_faults_and_counts_the_others_by_cause() -> None:
+def test_the_first_faults_are_listed_and_the_others_counted_by_cause() -> None:
     faults = [Fault('missed rock', 300 - number, 21.0, FAR) for number in range(6)]
     faults += [Fault('missed rock', 250, 22.0, FAR), Fault('false alarm', 120, None)]
     lines = summary_lines(picture(*faults, remarks=('pitch off by +3.0 degrees',)))
@@ -42,6 +42,6 @@ def test_a_summary_names_the_first_faults_and_counts_the_others_by_cause() -> No
     assert summary_of(picture(faults[0])).endswith('found. ' + lines[2])
 
 
-def test_without_obstacles_there_is_no_overlap_to_speak_of() -> None:
+def test_a_frame_without_obstacles_has_no_iou() -> None:
     nothing = Figures(frames=1, false_positives=54, true_negatives=900)
-    assert summary_lines(picture(figures=nothing)) == ['no obstacles there, 54 px flagged']
+    assert summary_lines(picture(figures=nothing)) == ['no obstacles, 54 px flagged']

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all."""
+"""Files are written atomically."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rover_obstacle_detection.offline.output_file import (
 )
 
 
-def test_a_file_is_written_and_nothing_beside_it(tmp_path: Path) -> None:
+def test_writing_leaves_no_temporary_file(tmp_path: Path) -> None:
     write_whole(tmp_path / 'a.yaml', 'x: 1\n')
     assert (tmp_path / 'a.yaml').read_text(encoding='utf-8') == 'x: 1\n'
     assert [each.name for each in tmp_path.iterdir()] == ['a.yaml']
 
 
-def test_what_is_there_stays_when_writing_fails(
+def test_a_failure_keeps_the_existing_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / 'a.yaml'
@@ -36,7 +36,7 @@ def test_what_is_there_stays_when_writing_fails(
     assert [each.name for each in tmp_path.iterdir()] == ['a.yaml']
 
 
-def test_a_link_still_leads_to_the_file(tmp_path: Path) -> None:
+def test_a_symbolic_link_is_followed(tmp_path: Path) -> None:
     file, link = tmp_path / 'a.yaml', tmp_path / 'link.yaml'
     file.write_text('old', encoding='utf-8')
     link.symlink_to(file)
@@ -45,13 +45,13 @@ def test_a_link_still_leads_to_the_file(tmp_path: Path) -> None:
     assert file.read_text(encoding='utf-8') == 'new'
 
 
-def test_figures_that_are_none_are_a_mistake_and_leave_nothing(tmp_path: Path) -> None:
+def test_nan_is_an_error_and_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='nan'):
         write_json_whole(tmp_path / 'a.json', {'iou': float('nan')})
     assert not list(tmp_path.iterdir())
 
 
-def test_what_could_not_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
+def test_unwritable_paths_are_refused_in_advance(tmp_path: Path) -> None:
     file = tmp_path / 'a.yaml'
     check_output_file(file, force=False)
     file.write_text('mine', encoding='utf-8')
@@ -59,5 +59,5 @@ def test_what_could_not_be_written_is_refused_before_the_work(tmp_path: Path) ->
         check_output_file(file, force=False)
     check_output_file(file, force=True)
     for nowhere in (tmp_path, tmp_path / 'nowhere' / 'a.yaml', Path('/dev/null')):
-        with pytest.raises(OutputError, match='expected a file in a folder that exists'):
+        with pytest.raises(OutputError, match='expected a file in an existing folder'):
             check_output_file(nowhere, force=True)

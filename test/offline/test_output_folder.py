@@ -20,7 +20,7 @@ def _content(folder):
     }
 
 
-def test_the_folder_appears_whole(tmp_path):
+def test_the_folder_appears_when_the_block_ends(tmp_path):
     target = tmp_path / 'new' / 'out'
     with output_folder(target, force=False, replaces=OWN) as folder:
         _write(folder, {'summary.json': '1', 'images/0.png': 'a'})
@@ -28,23 +28,23 @@ def test_the_folder_appears_whole(tmp_path):
     assert _content(tmp_path) == {'new/out/summary.json': '1', 'new/out/images/0.png': 'a'}
 
 
-def _fail_half_way(target, error, *, force):
+def _fail_after_writing(target, error, *, force):
     with output_folder(target, force=force, replaces=OWN) as folder:
         _write(folder, {'summary.json': 'new', 'images/0.png': 'new'})
         raise error
 
 
 @pytest.mark.parametrize('error', [ValueError, KeyboardInterrupt, SystemExit])
-def test_nothing_stays_after_an_error(tmp_path, error):
+def test_an_exception_leaves_nothing_behind(tmp_path, error):
     with pytest.raises(error):
-        _fail_half_way(tmp_path / 'new' / 'out', error, force=False)
+        _fail_after_writing(tmp_path / 'new' / 'out', error, force=False)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_with_something_in_it_is_refused(tmp_path):
+def test_a_folder_that_is_not_empty_is_refused(tmp_path):
     _write(tmp_path, {'out/notes.txt': 'mine'})
     with (
-        pytest.raises(OutputError, match=r'out exists and is not empty: give --force'),
+        pytest.raises(OutputError, match=r'out is not empty: give --force'),
         output_folder(tmp_path / 'out', force=False, replaces=OWN),
     ):
         pass
@@ -59,7 +59,7 @@ def test_an_empty_folder_is_filled(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ['out']
 
 
-def test_a_file_in_its_place_is_refused_also_when_forced(tmp_path):
+def test_a_file_is_refused_even_with_force(tmp_path):
     _write(tmp_path, {'out': 'a file'})
     with (
         pytest.raises(OutputError, match='is a file: expected a folder'),
@@ -68,7 +68,7 @@ def test_a_file_in_its_place_is_refused_also_when_forced(tmp_path):
         pass
 
 
-def test_forced_it_replaces_its_own_files_and_no_others(tmp_path):
+def test_force_replaces_only_the_files_of_an_earlier_run(tmp_path):
     _write(
         tmp_path,
         {
@@ -93,17 +93,17 @@ def test_forced_it_replaces_its_own_files_and_no_others(tmp_path):
     assert (tmp_path / 'out/images/sketch.png').exists()
 
 
-def test_forced_an_error_leaves_the_old_files_alone(tmp_path):
+def test_an_exception_with_force_keeps_the_old_files(tmp_path):
     _write(tmp_path, {'out/summary.json': 'old'})
     with pytest.raises(KeyboardInterrupt):
-        _fail_half_way(tmp_path / 'out', KeyboardInterrupt, force=True)
+        _fail_after_writing(tmp_path / 'out', KeyboardInterrupt, force=True)
     assert _content(tmp_path) == {'out/summary.json': 'old'}
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
+def test_an_unwritable_path_is_named(tmp_path):
     _write(tmp_path, {'file': ''})
     with (
-        pytest.raises(OutputError, match=r'cannot make output folder .*file:'),
+        pytest.raises(OutputError, match=r'cannot create output folder .*file:'),
         output_folder(tmp_path / 'file' / 'out', force=False, replaces=OWN),
     ):
         pass

@@ -11,7 +11,7 @@ from rover_obstacle_detection.offline.picture_files import (
 from rover_obstacle_detection.pictures import RED, disparity_picture
 
 
-def test_every_picture_is_written_above_its_key(tmp_path):
+def test_every_picture_is_written_with_its_key_below(tmp_path):
     detection = small_detection()
     write_pictures(detection, None, tmp_path / 'images', '000001_')
     names = {f'000001_{name}.png' for name in PICTURE_NAMES}
@@ -22,7 +22,7 @@ def test_every_picture_is_written_above_its_key(tmp_path):
     assert read.shape[1] == 64
 
 
-def test_the_key_shows_words_swatches_and_bars():
+def test_the_key_has_texts_swatches_and_bars():
     picture = np.zeros((100, 1600, 3), np.uint8)
     bar = ColourBar(cv2.COLORMAP_TURBO)
     strip = with_key(picture, (RED, 'an obstacle', bar, 'from blue to red'))[100:].astype(int)
@@ -35,6 +35,8 @@ def test_the_key_shows_words_swatches_and_bars():
     assert right[:, 2].max() > right[:, 0].max()
 
 
-def test_a_key_that_is_wider_than_the_picture_is_cut():
-    strip = with_key(np.zeros((10, 8, 3), np.uint8), ('far too long', RED, ColourBar(0)))
-    assert strip.shape[1] == 8
+def test_a_key_wider_than_the_picture_is_cut():
+    picture = np.zeros((10, 8, 3), np.uint8)
+    drawn = with_key(picture, ('far too long', RED, ColourBar(0)))
+    assert drawn.shape[1] == 8
+    assert np.array_equal(drawn[:10], picture)

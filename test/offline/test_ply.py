@@ -3,7 +3,7 @@ import numpy as np
 from rover_obstacle_detection.offline.ply import write_ply
 
 
-def test_both_clouds_come_back_with_their_flag_and_colour(tmp_path):
+def test_points_are_written_with_flag_confidence_and_colour(tmp_path):
     obstacles = np.array([[1, 2, 3, 0.2, 0.9], [4, 5, 6, 0.3, 0.7]], np.float32)
     ground = np.array([[7, 8, 9, 0.0]], np.float32)
     write_ply(tmp_path / 'points.ply', obstacles, ground)
@@ -21,7 +21,7 @@ def test_both_clouds_come_back_with_their_flag_and_colour(tmp_path):
     assert vertices['red'][0] > vertices['green'][0]
 
 
-def test_no_points_at_all_is_a_file_without_vertices(tmp_path):
+def test_a_file_without_points_is_valid(tmp_path):
     obstacles, ground = np.zeros((0, 5), np.float32), np.zeros((0, 4), np.float32)
     write_ply(tmp_path / 'points.ply', obstacles, ground)
     content = (tmp_path / 'points.ply').read_bytes()

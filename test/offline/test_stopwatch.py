@@ -8,7 +8,7 @@ def _clock(*times_ms):
     return lambda: round(next(ticks) * 1e6)
 
 
-def test_a_lap_lasts_since_the_one_before_and_equal_names_add_up():
+def test_a_lap_starts_at_the_previous_one_and_equal_names_add_up():
     watch = Stopwatch(_clock(0, 5, 7, 10, 100, 104, 200))
     watch.lap('match')
     watch.lap('ground')
@@ -18,7 +18,7 @@ def test_a_lap_lasts_since_the_one_before_and_equal_names_add_up():
     assert watch.take_ms() == pytest.approx({'match': 4.0})
 
 
-def test_times_of_each_stage_over_the_frames_that_had_it():
+def test_stage_times_cover_the_frames_with_that_stage():
     times = stage_times([{'a': 1.0, 'b': 10.0}, {'a': 3.0}, {'a': 8.0}])
     assert list(times) == ['a', 'b']
     assert times['a'].mean_ms == 4.0

@@ -1,4 +1,4 @@
-"""Pages hold everything they show, and plots are well-formed."""
+"""Pages are self-contained and plots are well-formed."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ pytest.importorskip('matplotlib', reason='needs the extra report')
 PICTURE = PictureBlock('a rock', b'\xff\xd8 picture', 'image/jpeg')
 
 
-class Links(HTMLParser):
-    """Collects what a page refers to, and its text."""
+class Parsed(HTMLParser):
+    """Collects the URLs, tags and words of a page."""
 
     def __init__(self, html: str) -> None:
         super().__init__()
@@ -50,33 +50,33 @@ def page(*blocks, **options) -> str:
     return render_page(Page('Title', ('lead',), (Section('Part', blocks, **options),), 'foot'))
 
 
-def test_a_picture_is_within_the_page() -> None:
-    (url,) = Links(page(PICTURE)).urls
+def test_pictures_are_embedded() -> None:
+    (url,) = Parsed(page(PICTURE)).urls
     assert base64.b64decode(url.removeprefix('data:image/jpeg;base64,')) == PICTURE.data
 
 
-def test_a_page_refers_to_nothing_outside() -> None:
+def test_a_page_has_no_external_references() -> None:
     html = page(PICTURE, TextBlock('text'))
     assert 'http' not in html
     assert 'url(' not in html
     assert '<script' not in html
 
 
-def test_a_table_has_its_cells_in_order() -> None:
-    links = Links(page(TableBlock('Figures', ('method', 'IoU'), (('hybrid', '0.9'),))))
-    assert ' '.join(links.words).find('Figures method IoU hybrid 0.9') >= 0
-    assert links.tags.count('td') == 2
+def test_table_cells_are_in_order() -> None:
+    parsed = Parsed(page(TableBlock('Figures', ('method', 'IoU'), (('hybrid', '0.9'),))))
+    assert ' '.join(parsed.words).find('Figures method IoU hybrid 0.9') >= 0
+    assert parsed.tags.count('td') == 2
 
 
-def test_text_is_never_markup() -> None:
+def test_text_is_escaped() -> None:
     html = page(TextBlock('<b>&'), TableBlock('<i>', ('<u>',), (('<s>',),)))
-    assert not {'b', 'i', 'u', 's'} & set(Links(html).tags)
+    assert not {'b', 'i', 'u', 's'} & set(Parsed(html).tags)
     assert '&lt;b&gt;&amp;' in html
 
 
-def test_a_folded_section_opens_on_a_click() -> None:
-    assert 'details' in Links(page(TextBlock('x'), is_folded=True)).tags
-    assert 'details' not in Links(page(TextBlock('x'))).tags
+def test_a_folded_section_is_a_details_element() -> None:
+    assert 'details' in Parsed(page(TextBlock('x'), is_folded=True)).tags
+    assert 'details' not in Parsed(page(TextBlock('x'))).tags
 
 
 def words(svg: bytes) -> str:
@@ -84,7 +84,7 @@ def words(svg: bytes) -> str:
     return ' '.join(re.findall(r'<!-- (.*?) -->', svg.decode()))
 
 
-def test_a_line_plot_names_its_lines() -> None:
+def test_a_line_plot_labels_lines_and_axes() -> None:
     lines = [
         Line('hybrid', [0.1, 0.5, None], [0.9, None, 0.3], marked=0),
         Line('study', [0.2, 0.4], [0.5, 0.6], colour=9, marked=1),
@@ -93,7 +93,7 @@ def test_a_line_plot_names_its_lines() -> None:
     assert all(name in said for name in ('hybrid', 'study', 'recall', 'precision'))
 
 
-def test_a_plot_is_the_same_each_time() -> None:
+def test_plots_are_reproducible() -> None:
     lines = [Line('a', [0.0, 1.0], [1.0, 0.0])]
     names = ('near', 'far')
     first, second = (line_plot(lines, 'x', 'y', x_names=names) for _ in range(2))
@@ -101,14 +101,14 @@ def test_a_plot_is_the_same_each_time() -> None:
     assert 'near' in words(first)
 
 
-def test_bars_and_distributions() -> None:
+def test_bar_and_distribution_plots_have_labels() -> None:
     assert 'study' in words(bar_plot(['hybrid', 'study'], [1.2, 30.0], 'time'))
     shares = [('free ground', [0.5, 0.5]), ('obstacles', [0.1, 0.9])]
     said = words(distribution_plot([0.001, 0.01, 0.1], shares, 0.005, 'step (m)'))
     assert 'obstacles' in said
 
 
-def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_about_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'jinja2', None)
     with pytest.raises(MissingExtraError, match=r'jinja2.*rover_obstacle_detection\[report\]'):
         page()
