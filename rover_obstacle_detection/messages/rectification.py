@@ -18,7 +18,7 @@ _FISHEYE_MODEL = 'equidistant'
 def needs_rectification(info: CameraInfo) -> bool:
     """Return whether raw images of this calibration differ from rectified ones."""
     k, p = np.reshape(info.k, (3, 3)), np.reshape(info.p, (3, 4))[:, :3]
-    is_aligned = np.allclose(info.r, np.eye(3).reshape(-1)) and np.allclose(k, p)
+    is_aligned = np.allclose(info.r, np.identity(3).reshape(-1)) and np.allclose(k, p)
     return bool(np.any(info.d)) or not is_aligned
 
 
@@ -48,7 +48,7 @@ class Rectification:
         r = np.reshape(info.r, (3, 3))
         if info.k[0] <= 0 or info.k[4] <= 0 or not np.isfinite(info.k).all():
             self._refuse(f'K is {info.k}: expected focal lengths above 0')
-        if not np.allclose(r @ r.T, np.eye(3), atol=1e-3):
+        if not np.allclose(r @ r.T, np.identity(3), atol=1e-3):
             self._refuse(f'R is {info.r}: expected a rotation')
         if info.distortion_model == _FISHEYE_MODEL:
             make_maps: Any = cv2.fisheye.initUndistortRectifyMap

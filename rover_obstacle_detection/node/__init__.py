@@ -1,1 +1,1 @@
-"""The live ROS 2 node: DDS in, the detector in a thread of its own, DDS out."""
+"""The live ROS 2 node: callbacks receive, one worker thread detects and publishes."""

@@ -1,4 +1,4 @@
-"""The calibration that the two camera_info topics give, and what is wrong with it."""
+"""Stereo calibration from the two camera_info topics."""
 
 from __future__ import annotations
 
@@ -12,36 +12,37 @@ from rover_obstacle_detection.errors import CameraError
 
 
 class LiveCalibration:
-    """Keeps the newest CameraInfo of both eyes and the camera that they make.
+    """Keeps the newest CameraInfo of both cameras and the stereo camera they form.
 
-    Callbacks write it, the worker reads it. The same calibration again, as drivers send it with
-    every image, changes nothing: `camera` stays the same object.
+    Callbacks write it, the worker reads it. A repeated CameraInfo keeps the same `StereoCamera`
+    object.
 
     Parameters
     ----------
     left_topic, right_topic : str
-        For the texts.
+        For error messages.
     """
+
+    _infos: list[Any]
+    _contents: list[tuple[object, ...] | None]
+    _confirmed: list[bool]
+    _camera: StereoCamera | None
 
     def __init__(self, left_topic: str, right_topic: str) -> None:
         self._topics = (left_topic, right_topic)
         self._changed = threading.Condition()
-        self._infos: list[Any] = [None, None]
-        self._contents: list[tuple[object, ...] | None] = [None, None]
-        self._confirmed = [False, False]
-        self._camera: StereoCamera | None = None
-        self._problem = self._missing()
+        self.reset()
 
     @property
     def state(self) -> tuple[StereoCamera | None, str]:
-        """The camera, or None and the line that says why there is none."""
+        """The camera, or None and the reason why there is none."""
         with self._changed:
             return self._camera, self._problem
 
     def wait_for_camera(self, timeout_s: float) -> StereoCamera | None:
-        """Give the camera; wait a little where an eye has sent nothing since the start or `doubt`.
+        """Return the camera, after waiting for a CameraInfo that is still expected.
 
-        What was known before a doubt is taken for right if nothing comes to confirm it.
+        If none arrives in time, the known camera is used and not questioned again.
         """
         with self._changed:
             self._changed.wait_for(lambda: all(self._confirmed), timeout_s)
@@ -49,32 +50,32 @@ class LiveCalibration:
                 self._confirmed = [True, True]
             return self._camera
 
-    def doubt(self) -> None:
-        """Expect another CameraInfo of both eyes: it was not listened to for a while."""
+    def expect_confirmation(self) -> None:
+        """Expect a CameraInfo of both cameras, because the topics were not subscribed."""
         with self._changed:
             self._confirmed = [False, False]
 
     def confirm(self, side: int) -> None:
-        """Note that an eye has sent the same CameraInfo again."""
+        """Note that the left (0) or right (1) camera repeated its CameraInfo."""
         with self._changed:
             self._confirmed[side] = True
             self._changed.notify_all()
 
-    def take(self, side: int, info: Any) -> bool:
-        """Take a ``sensor_msgs/CameraInfo`` of the left (0) or right (1) eye.
+    def update(self, side: int, info: Any) -> bool:
+        """Take a ``sensor_msgs/CameraInfo`` of the left (0) or right (1) camera.
 
         Returns
         -------
         bool
-            Whether it differs from the one before.
+            Whether it differs from the previous one.
         """
-        contents = _contents(info)
+        content = _content(info)
         with self._changed:
             self._confirmed[side] = True
             self._changed.notify_all()
-            if contents == self._contents[side]:
+            if content == self._contents[side]:
                 return False
-            self._infos[side], self._contents[side] = info, contents
+            self._infos[side], self._contents[side] = info, content
             left, right = self._infos
             if left is None or right is None:
                 self._problem = self._missing()
@@ -86,10 +87,11 @@ class LiveCalibration:
                 self._problem = f'{self._topics[0]}, {self._topics[1]}: {error}'
             return True
 
-    def forget(self) -> None:
-        """Start afresh, as before the first CameraInfo."""
+    def reset(self) -> None:
+        """Forget everything received."""
         with self._changed:
-            self._infos, self._contents = [None, None], [None, None]
+            self._infos = [None, None]
+            self._contents = [None, None]
             self._confirmed = [False, False]
             self._camera, self._problem = None, self._missing()
 
@@ -97,12 +99,11 @@ class LiveCalibration:
         missing = [
             topic for topic, info in zip(self._topics, self._infos, strict=True) if info is None
         ]
-        return f'no calibration: nothing came on {" and ".join(missing)} yet'
+        return f'no calibration: nothing received on {" and ".join(missing)} yet'
 
 
-def _contents(info: Any) -> tuple[object, ...]:
-    # Every driver stamps each CameraInfo anew; only what a camera is made of counts. P as bytes,
-    # because a NaN would differ from itself.
+def _content(info: Any) -> tuple[object, ...]:
+    # Without the header, which changes with every message. P as bytes, because NaN != NaN.
     roi = info.roi
     return (
         info.width,

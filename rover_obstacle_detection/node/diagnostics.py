@@ -1,4 +1,4 @@
-"""What the node says of itself on /diagnostics (REP-107), as plain values."""
+"""The three statuses of the node on /diagnostics (REP 107), as plain values."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from rover_obstacle_detection.node.statistics import Snapshot
 from rover_obstacle_detection.pairing import PairingStatistics
 
 OK, WARN, ERROR, STALE = range(4)
-# Under this share of pixels with a disparity, most of the ground is not judged by 3D.
-LOW_VALID_SHARE = 0.3
-# What is made good is still the worse for it, and a sign that something was moved.
-WORN_CALIBRATION_PX = 1.0
+# With a smaller share of matched pixels, most of the ground is unknown.
+MIN_VALID_SHARE = 0.3
+# A larger residual rectification error costs accuracy although it is corrected.
+RECALIBRATE_PX = 1.0
+IDLE = 'idle: no output has a subscriber'
 
 
 @dataclass(frozen=True)
@@ -22,11 +23,10 @@ class Status:
     Parameters
     ----------
     task : str
-        What of the node it is about.
+        The part of the node it describes.
     level : int
         0 OK, 1 WARN, 2 ERROR, 3 STALE.
     message : str
-        The state in a few words.
     values : dict of str to str
     """
 
@@ -38,28 +38,28 @@ class Status:
 
 @dataclass(frozen=True)
 class NodeState:
-    """Everything that the statuses are made of, at one moment.
+    """Everything the statuses depend on, at one moment.
 
     Parameters
     ----------
     lifecycle : str
         Label of the lifecycle state.
-    listening : bool
-        Whether anybody listens to a detection, so that images are taken.
+    subscribed : bool
+        Whether the node subscribes to images, because an output has a subscriber.
     counts : Snapshot
     pairing : PairingStatistics or None
-        None while there are no inputs.
+        None while the node is not active.
     camera : StereoCamera or None
     calibration_problem : str
-        Why there is no camera.
+        Why there is no camera; empty if there is one.
     pairing_problem : str
-        Why images come and no pairs; '' if they do.
+        Why images arrive but no pairs; empty if pairs arrive.
     gravity_problem : str
-        Why the configured source of gravity gives none; '' if it does.
+        Why the configured gravity source fails; empty if it works.
     """
 
     lifecycle: str
-    listening: bool
+    subscribed: bool
     counts: Snapshot
     pairing: PairingStatistics | None
     camera: StereoCamera | None
@@ -69,7 +69,7 @@ class NodeState:
 
 
 def statuses(state: NodeState) -> tuple[Status, ...]:
-    """Judge the state: input, calibration, detection."""
+    """Return the statuses for input, calibration and detection."""
     return _input(state), _calibration(state), _detection(state)
 
 
@@ -88,15 +88,14 @@ def _input(state: NodeState) -> Status:
             'unmatched right': str(pairing.unmatched_right),
             'smallest stamp gap (ms)': _optional(pairing.smallest_gap_ns, 1e-6, 3),
         }
-    level, message = _judge_input(state)
-    return Status('stereo input', level, message, values)
+    return Status('stereo input', *_judge_input(state), values)
 
 
 def _judge_input(state: NodeState) -> tuple[int, str]:
     if state.lifecycle != 'active' or state.pairing is None:
-        return OK, f'{state.lifecycle}: takes no images'
-    if not state.listening:
-        return OK, 'resting: nobody subscribes to a detection'
+        return OK, f'{state.lifecycle}: not subscribed to images'
+    if not state.subscribed:
+        return OK, IDLE
     if state.pairing_problem:
         return WARN, state.pairing_problem
     if state.counts.pair_rate_hz == 0:
@@ -105,7 +104,7 @@ def _judge_input(state: NodeState) -> tuple[int, str]:
 
 
 def _calibration(state: NodeState) -> Status:
-    camera = state.camera
+    camera, latest = state.camera, state.counts.latest
     if camera is None:
         level = OK if state.lifecycle != 'active' else ERROR
         return Status('calibration', level, state.calibration_problem)
@@ -116,19 +115,20 @@ def _calibration(state: NodeState) -> Status:
         'cx left (px)': f'{camera.cx:.3f}',
         'cx right (px)': f'{camera.cx_right:.3f}',
         'baseline (m)': f'{camera.baseline_m:.4f}',
-        'rows off (px)': _optional(state.counts.rows_off_px, 1, 2),
-        'lenses bend (px)': _optional(state.counts.lens_bend_px, 1, 2),
+        'rows off (px)': _optional(latest.rows_off_px, 1, 2),
+        'lenses bend (px)': _optional(latest.lens_bend_px, 1, 2),
     }
     return Status('calibration', *_judge_calibration(state), values)
 
 
 def _judge_calibration(state: NodeState) -> tuple[int, str]:
-    rows_off_px, lens_bend_px = state.counts.rows_off_px or 0.0, state.counts.lens_bend_px or 0.0
-    if state.lifecycle != 'active' or max(rows_off_px, lens_bend_px) < WORN_CALIBRATION_PX:
+    rows_px = state.counts.latest.rows_off_px or 0.0
+    lens_px = state.counts.latest.lens_bend_px or 0.0
+    if state.lifecycle != 'active' or max(rows_px, lens_px) < RECALIBRATE_PX:
         return OK, 'calibrated'
     return WARN, (
-        f'rectification leaves rows {rows_off_px:.1f} px off, and {lens_bend_px:.1f} px that look '
-        'like lens distortion, which is made good: calibrate again'
+        f'residual rectification error: rows off by {rows_px:.1f} px, lens distortion '
+        f'{lens_px:.1f} px; corrected, but recalibrate the cameras'
     )
 
 
@@ -141,26 +141,25 @@ def _detection(state: NodeState) -> Status:
         'latency p95 (ms)': _optional(counts.latency_p95_ms, 1, 1),
         'dropped frames': str(counts.dropped),
         'bad frames': str(counts.bad_frames),
-        'valid disparity (%)': _optional(counts.valid_share, 100, 1),
-        'obstacles (% of pixels)': _optional(counts.obstacle_share, 100, 1),
+        'valid disparity (%)': _optional(counts.latest.valid_share, 100, 1),
+        'obstacles (% of pixels)': _optional(counts.latest.obstacle_share, 100, 1),
     }
     values |= {f'bad frames: {reason}': str(number) for reason, number in counts.bad.items()}
-    level, message = _judge_detection(state)
-    return Status('detection', level, message, values)
+    return Status('detection', *_judge_detection(state), values)
 
 
 def _judge_detection(state: NodeState) -> tuple[int, str]:
-    counts = state.counts
+    counts, valid_share = state.counts, state.counts.latest.valid_share
     if state.lifecycle != 'active':
         return OK, state.lifecycle
-    if not state.listening:
-        return OK, 'resting: nobody subscribes to a detection'
+    if not state.subscribed:
+        return OK, IDLE
     if counts.pair_rate_hz > 0 and counts.detection_rate_hz == 0:
-        return ERROR, 'pairs arrive, none can be used'
+        return ERROR, 'pairs arrive, but none is usable'
     if state.gravity_problem:
         return WARN, state.gravity_problem
-    if counts.valid_share is not None and counts.valid_share < LOW_VALID_SHARE:
-        return WARN, f'only {counts.valid_share:.0%} of the pixels have a disparity'
+    if valid_share is not None and valid_share < MIN_VALID_SHARE:
+        return WARN, f'only {valid_share:.0%} of the pixels have a disparity'
     return OK, f'{counts.detection_rate_hz:.1f} detections per second'
 
 

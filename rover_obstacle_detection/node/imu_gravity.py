@@ -1,4 +1,4 @@
-"""Which way is up, from the messages of an IMU."""
+"""The gravity direction from IMU messages."""
 
 from __future__ import annotations
 
@@ -7,30 +7,37 @@ import threading
 from collections import deque
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.messages.header import stamp_ns
 
-# A pitching rover turns a few degrees in this time.
+# A pitching rover turns by a few degrees in this time.
 MAX_AGE_NS = 200_000_000
-# Accelerations of wheels on stones average out over this time.
+# Time constant that averages out the shocks of wheels on stones.
 SMOOTHING_NS = 500_000_000
+# A stamp this far back means that a recording restarted.
 RESTART_NS = 1_000_000_000
+# Messages kept: 5 s at 200 Hz.
 KEPT = 1000
+# Largest deviation of a unit quaternion's length from 1.
+LENGTH_TOLERANCE = 0.01
+# A shorter acceleration (m/s2) has no direction.
+MIN_LENGTH = 1e-6
 
 
 class ImuGravity:
-    """Keeps the vertical of the latest ``sensor_msgs/Imu`` messages, by stamp.
+    """Keeps the up direction of the latest ``sensor_msgs/Imu`` messages, by stamp.
 
-    The orientation gives it where the IMU has one (its z axis is up, REP-145); otherwise the
-    acceleration, smoothed over half a second: at rest it points against gravity on any planet.
+    Up is the world's z axis given by the orientation (REP 145). Without an orientation it is the
+    acceleration, smoothed over half a second: at rest, it points against gravity on any planet.
 
     Parameters
     ----------
     angles_deg : tuple of float
-        Roll, pitch and yaw of the IMU frame in the left optical frame, as URDF's rpy.
+        Roll, pitch and yaw of the IMU frame in the left optical frame, as URDF's rpy (deg).
     """
 
     def __init__(self, angles_deg: tuple[float, float, float]) -> None:
@@ -40,11 +47,11 @@ class ImuGravity:
         self._ups: deque[NDArray[np.float64]] = deque(maxlen=KEPT)
         self._smoothed: NDArray[np.float64] | None = None
 
-    def take(self, message: Any) -> str | None:
-        """Take a message; return a line that says what is wrong with it, or None."""
+    def add(self, message: Any) -> str | None:
+        """Add a message; return what is wrong with it, or None."""
         now_ns = stamp_ns(message.header)
-        orientation, acceleration = _orientation(message), _acceleration(message)
-        if orientation is None and acceleration is None:
+        up, acceleration = _orientation(message), _acceleration(message)
+        if up is None and acceleration is None:
             return 'neither a unit orientation nor a linear_acceleration: expected one of them'
         with self._lock:
             elapsed_ns = now_ns - self._stamps_ns[-1] if self._stamps_ns else 0
@@ -52,20 +59,18 @@ class ImuGravity:
                 self._stamps_ns.clear()
                 self._ups.clear()
                 self._smoothed = None
-            if orientation is not None:
-                up = orientation
-            else:
+            if up is None:
                 assert acceleration is not None
                 up = self._smooth(acceleration, max(elapsed_ns, 0))
             length = float(np.linalg.norm(up))
-            if length < 1e-6:
+            if length < MIN_LENGTH:
                 return 'linear_acceleration is zero: expected the reaction to gravity'
             self._stamps_ns.append(now_ns)
             self._ups.append(self._rotation @ (up / length))
         return None
 
     def at(self, wanted_ns: int, height_m: float | None) -> Gravity | None:
-        """Vertical at a stamp: of the message nearest to it; None if none is near."""
+        """Return gravity from the message nearest to a stamp; None if none is near."""
         with self._lock:
             if not self._stamps_ns:
                 return None
@@ -86,49 +91,30 @@ class ImuGravity:
 
 
 def rotation_from_rpy(angles_deg: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Rotation of fixed-axis roll, pitch, yaw (URDF), shape (3, 3): child to parent frame."""
-    roll, pitch, yaw = (math.radians(angle) for angle in angles_deg)
-    about_x = np.array(
-        [
-            [1, 0, 0],
-            [0, math.cos(roll), -math.sin(roll)],
-            [0, math.sin(roll), math.cos(roll)],
-        ]
-    )
-    about_y = np.array(
-        [
-            [math.cos(pitch), 0, math.sin(pitch)],
-            [0, 1, 0],
-            [-math.sin(pitch), 0, math.cos(pitch)],
-        ]
-    )
-    about_z = np.array(
-        [
-            [math.cos(yaw), -math.sin(yaw), 0],
-            [math.sin(yaw), math.cos(yaw), 0],
-            [0, 0, 1],
-        ]
+    """Return the rotation from child to parent frame for URDF's roll, pitch and yaw (deg).
+
+    Returns
+    -------
+    ndarray of float64, shape (3, 3)
+    """
+    about_x, about_y, about_z = (
+        cv2.Rodrigues(math.radians(angle) * axis)[0]
+        for angle, axis in zip(angles_deg, np.identity(3), strict=True)
     )
     rotation: NDArray[np.float64] = about_z @ about_y @ about_x
     return rotation
 
 
 def up_from_quaternion(x: float, y: float, z: float, w: float) -> NDArray[np.float64]:
-    """World's z axis in the frame that a unit quaternion turns into the world."""
-    return np.array(
-        [
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        ]
-    )
+    """Return the world's z axis in the body frame; the unit quaternion turns body to world."""
+    return np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
 
 
 def _orientation(message: Any) -> NDArray[np.float64] | None:
-    # sensor_msgs/Imu: a covariance that begins with -1 says that the field is not measured.
+    # sensor_msgs/Imu marks a field that is not measured with -1 as its first covariance.
     turned = message.orientation
     length = math.sqrt(turned.x**2 + turned.y**2 + turned.z**2 + turned.w**2)
-    if message.orientation_covariance[0] == -1 or not abs(length - 1.0) < 0.01:
+    if message.orientation_covariance[0] == -1 or not abs(length - 1.0) < LENGTH_TOLERANCE:
         return None
     return up_from_quaternion(turned.x, turned.y, turned.z, turned.w)
 

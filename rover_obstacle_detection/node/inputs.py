@@ -1,4 +1,4 @@
-"""The node's input topics: images are paired as they arrive, calibrations kept."""
+"""The node's stereo input topics: images are paired on arrival, calibrations are kept."""
 
 from __future__ import annotations
 
@@ -14,27 +14,51 @@ from rclpy.serialization import deserialize_message
 
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
-from rover_obstacle_detection.node.image_pair import ImagePair
 from rover_obstacle_detection.node.loss_counter import LossCounter
 from rover_obstacle_detection.node.rclpy_factory import message_type
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
+from rover_obstacle_detection.node.worker import ImagePair
 from rover_obstacle_detection.pairing import PairingStatistics, StereoPairing
 
 SIDES = ('left', 'right')
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
 IMAGE_TYPES = {'raw': 'sensor_msgs/msg/Image', 'compressed': 'sensor_msgs/msg/CompressedImage'}
 
-# A serialised message with a header begins with 4 bytes of encoding and 8 of stamp.
+# A serialised message with a header starts with 4 bytes of encapsulation and 8 of stamp.
 STAMP_END = 12
 
 
-class StereoInputs:
-    """Subscriptions to two eyes; used from the executor's thread only.
+def subscribe(
+    node: Any, type_name: str, topic: str, callback: Callable[..., None], **options: Any
+) -> Any:
+    """Subscribe with sensor-data QoS, which users can override.
 
-    Images are listened to between `listen` and `rest` only: taking 10 pairs a second that nobody
-    wants costs 5 % of a core, and the calibrations sent with them another 2 %. At rest, those are
-    listened to until there is a camera.
+    Parameters
+    ----------
+    node : rclpy node
+    type_name : str
+        For example ``sensor_msgs/msg/Image``.
+    topic : str
+    callback : callable
+    **options
+        Further arguments of ``create_subscription``.
+    """
+    return node.create_subscription(
+        message_type(type_name),
+        topic,
+        callback,
+        qos_profile_sensor_data,
+        qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        **options,
+    )
+
+
+class StereoInputs:
+    """Subscriptions to both cameras; for use in the executor's thread only.
+
+    The node subscribes to images between `start` and `stop` only, because receiving unused
+    images costs CPU. Calibrations are received until a camera is known, and with the images.
 
     Parameters
     ----------
@@ -43,14 +67,14 @@ class StereoInputs:
     calibration : LiveCalibration
     statistics : NodeStatistics
     on_pair : callable
-        Takes each `ImagePair`; must return at once.
+        Receives each `ImagePair`; must return at once.
     warn : callable
-        Takes a line that says what is wrong with an input.
+        Logs a warning.
 
     Attributes
     ----------
     topics : tuple of str
-        Full names, remapped, of the two image topics.
+        Full (remapped) names of the two image topics.
     """
 
     def __init__(
@@ -70,24 +94,24 @@ class StereoInputs:
         self._warn = warn
         self._transport = ''
         self._images: list[Any] = []
+        self._infos: list[Any] = []
         self._last_infos = [b'', b'']
         self._losses = (LossCounter(), LossCounter())
         self.configure(settings)
-        self._infos: list[Any] = []
-        self._listen_to_infos()
+        self._subscribe_infos()
 
     @property
     def pairing(self) -> PairingStatistics:
-        """What the pairing counted since the settings last changed."""
+        """Pairing counts since the settings last changed."""
         return self._pairing.statistics
 
     @property
-    def listening(self) -> bool:
+    def subscribed(self) -> bool:
         """Whether the images are subscribed to."""
         return bool(self._images)
 
     def configure(self, settings: Settings) -> None:
-        """Take up other settings: pairing starts afresh."""
+        """Apply new settings; pairing starts again."""
         self._pairing = StereoPairing(settings.tolerance_ns, settings.queue_size)
         if settings.image_transport == self._transport:
             return
@@ -98,61 +122,54 @@ class StereoInputs:
             self._node.resolve_topic_name(right),
         )
         if self._images:
-            self.rest()
-            self.listen()
+            self.stop()
+            self.start()
 
-    def listen(self) -> None:
+    def start(self) -> None:
         """Subscribe to the images."""
         if self._images:
             return
         if not self._infos:
-            self._calibration.doubt()
-            self._listen_to_infos()
+            self._calibration.expect_confirmation()
+            self._subscribe_infos()
         self._losses = (LossCounter(), LossCounter())
         self._images = [
-            self._node.create_subscription(
-                message_type(IMAGE_TYPES[self._transport]),
-                topic,
-                partial(self._take_image, number),
-                qos_profile_sensor_data,
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            subscribe(
+                self._node, IMAGE_TYPES[self._transport], topic, partial(self._take_image, side)
             )
-            for number, topic in enumerate(_relative_topics(self._transport))
+            for side, topic in enumerate(_relative_topics(self._transport))
         ]
 
-    def rest(self) -> None:
-        """Drop the subscriptions to the images, and what still waits for a partner."""
-        for subscription in self._images:
-            self._node.destroy_subscription(subscription)
-        self._images = []
+    def stop(self) -> None:
+        """Unsubscribe from the images and drop those without a partner."""
+        self._destroy(self._images)
         self._pairing.flush()
         if self._calibration.state[0] is not None:
-            self._drop_infos()
+            self._destroy(self._infos)
 
     def destroy(self) -> None:
         """Drop all subscriptions."""
-        self.rest()
-        self._drop_infos()
+        self.stop()
+        self._destroy(self._infos)
 
-    def _listen_to_infos(self) -> None:
+    def _subscribe_infos(self) -> None:
         self._infos = [
-            self._node.create_subscription(
-                message_type(INFO_TYPE),
-                f'{side}/camera_info',
-                partial(self._take_info, number),
-                qos_profile_sensor_data,
-                # Nearly all are equal to the one before, and need not become Python objects.
+            subscribe(
+                self._node,
+                INFO_TYPE,
+                f'{name}/camera_info',
+                partial(self._take_info, side),
+                # Most repeat the previous one and need no deserialisation.
                 raw=True,
                 event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             )
-            for number, side in enumerate(SIDES)
+            for side, name in enumerate(SIDES)
         ]
 
-    def _drop_infos(self) -> None:
-        for subscription in self._infos:
+    def _destroy(self, subscriptions: list[Any]) -> None:
+        for subscription in subscriptions:
             self._node.destroy_subscription(subscription)
-        self._infos = []
+        subscriptions.clear()
 
     def _take_info(self, side: int, data: bytes) -> None:
         unstamped = data[STAMP_END:]
@@ -161,7 +178,7 @@ class StereoInputs:
             return
         self._last_infos[side] = unstamped
         info = deserialize_message(data, message_type(INFO_TYPE))
-        if not self._calibration.take(side, info):
+        if not self._calibration.update(side, info):
             return
         camera, _ = self._calibration.state
         if camera is not None:
@@ -170,7 +187,7 @@ class StereoInputs:
                 f'baseline {camera.baseline_m * 1000:.1f} mm'
             )
             if not self._images:
-                self._drop_infos()
+                self._destroy(self._infos)
 
     def _take_image(self, side: int, message: Any, info: Mapping[str, Any]) -> None:
         arrival_s = time.monotonic()

@@ -1,30 +1,30 @@
-"""How many messages of a publisher never arrived, by the numbers that the transport gives them."""
+"""Count messages lost in transport by the publisher's sequence numbers."""
 
 from __future__ import annotations
 
-# A jump further than this is another publisher's numbering.
-LONGEST_GAP = 1000
+# A larger jump means another publisher.
+MAX_GAP = 1000
 
 
 class LossCounter:
-    """Counts the numbers left out between the messages of one topic that arrived.
+    """Counts gaps in the sequence numbers of one topic.
 
-    It sees what the network lost as well as what newer messages pushed out of a full queue.
+    This includes messages lost on the network and messages pushed out of a full queue.
     """
 
     def __init__(self) -> None:
         self._last: int | None = None
 
     def lost_before(self, number: int | None) -> int:
-        """Count the messages missing between the one before and this one.
+        """Return how many messages are missing between the previous one and this one.
 
         Parameters
         ----------
         number : int or None
-            The publisher's number of this message; None where the middleware has none.
+            Sequence number of this message; None if the middleware provides none.
         """
         last, self._last = self._last, number
         if last is None or number is None:
             return 0
         missing = number - last - 1
-        return missing if 0 < missing <= LONGEST_GAP else 0
+        return missing if 0 < missing <= MAX_GAP else 0

@@ -1,4 +1,4 @@
-"""Hand-over from the callbacks to the worker: the newest item only, the older ones counted."""
+"""Hand-over from the callbacks to the worker: only the newest item is kept."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ Item = TypeVar('Item')
 
 
 class Mailbox(Generic[Item]):
-    """Holds at most one item: a new one takes the place of one that nobody fetched.
+    """Holds at most one item; a new one replaces one that was not taken.
 
-    Never blocks the sender, so that a callback returns at once however busy the worker is.
+    `put` never blocks, so callbacks return at once however busy the worker is.
 
     Parameters
     ----------
     on_drop : callable
-        Called for each item that nobody will fetch.
+        Called for each item that is never taken.
     """
 
     def __init__(self, on_drop: Callable[[], None]) -> None:
@@ -27,7 +27,7 @@ class Mailbox(Generic[Item]):
         self._closed = False
 
     def put(self, item: Item) -> None:
-        """Leave an item, in place of the one that is there."""
+        """Store an item in place of the current one."""
         with self._condition:
             if self._closed or self._item is not None:
                 self._on_drop()
@@ -35,14 +35,14 @@ class Mailbox(Generic[Item]):
             self._condition.notify()
 
     def take(self) -> Item | None:
-        """Wait for an item and fetch it; None once the box is closed."""
+        """Wait for an item and remove it; None after `close`."""
         with self._condition:
             self._condition.wait_for(lambda: self._item is not None or self._closed)
             item, self._item = self._item, None
-            return None if self._closed else item
+            return item
 
     def close(self) -> None:
-        """Send the worker home: `take` returns None from now on."""
+        """Drop the current item; `take` returns None from now on."""
         with self._condition:
             if self._item is not None:
                 self._on_drop()

@@ -1,4 +1,4 @@
-"""Start and end of the node's process."""
+"""Entry point of the node's process."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv : sequence of str, optional
-        Command line without the program's name, such as ``--ros-args -p max_step:=0.15``.
+        Arguments without the program name, such as ``--ros-args -p max_step:=0.15``.
 
     Returns
     -------
     int
-        0, or 1 after an error that one line on stderr names.
+        0, or 1 after an error, which is printed on one line to stderr.
     """
     parser = argparse.ArgumentParser(
         prog='obstacle_detector',
@@ -41,23 +41,23 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--ros-args``, which takes the rest of the line as ROS 2 does."""
+    """Add ``--ros-args``, which takes the rest of the command line."""
     parser.add_argument(
         '--ros-args',
         nargs=argparse.REMAINDER,
         default=[],
         metavar='...',
-        help='all that follows goes to ROS 2: -p NAME:=VALUE, -r FROM:=TO, --params-file YAML',
+        help='ROS 2 arguments up to the end: -p NAME:=VALUE, -r FROM:=TO, --params-file YAML',
     )
 
 
 def run_node(ros_arguments: Sequence[str]) -> int:
-    """Run the node until Ctrl-C or SIGTERM, however often and whenever they come.
+    """Run the node until Ctrl-C or SIGTERM; repeated signals are harmless.
 
     Returns
     -------
     int
-        0.
+        0
 
     Raises
     ------
@@ -74,7 +74,7 @@ def run_node(ros_arguments: Sequence[str]) -> int:
 
 
 def _spin(stop: StopSignals, warning: str | None) -> None:
-    # Only now: the transport profile must be set before rclpy is loaded.
+    # Imported here because the transport profile must be set before rclpy is loaded.
     from rclpy.executors import SingleThreadedExecutor
 
     from rover_obstacle_detection.node.obstacle_detector import ObstacleDetector
@@ -94,15 +94,15 @@ def _spin(stop: StopSignals, warning: str | None) -> None:
 
 
 class Spinner:
-    """Runs an executor in a thread, through errors in callbacks.
+    """Runs an executor in a thread and survives exceptions in callbacks.
 
     Parameters
     ----------
     executor : rclpy executor
     log : callable
-        Takes the text of an error.
+        Logs an error.
     on_end : callable
-        Called when ROS is shut down under it.
+        Called if the ROS context is shut down.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Spinner:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread, after the callback that it is at."""
+        """End the thread after the running callback."""
         self._stopped.set()
         self._executor.wake()
         self._thread.join()
@@ -130,7 +130,7 @@ class Spinner:
             try:
                 self._executor.spin_once()
             except Exception:
-                # One message that nobody thought of must not take the rover's eyes away.
+                # An unforeseen message must not stop the node.
                 self._log(f'callback failed: {traceback.format_exc()}')
 
 

@@ -1,4 +1,4 @@
-"""The lifecycle node that holds inputs, worker and publishers together."""
+"""The lifecycle node: connects inputs, worker and publishers."""
 
 from __future__ import annotations
 
@@ -16,48 +16,46 @@ from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.diagnostics import NodeState, Status, statuses
 from rover_obstacle_detection.node.gravity_input import GravityInput
-from rover_obstacle_detection.node.image_pair import ImagePair
 from rover_obstacle_detection.node.inputs import StereoInputs
 from rover_obstacle_detection.node.pairing_watch import PairingWatch
 from rover_obstacle_detection.node.parameters import (
     concerns_settings,
     current_settings,
     declare_parameters,
+    integers_to_floats,
     judge_change,
     unknown_parameters,
-    with_decimals,
 )
 from rover_obstacle_detection.node.publishers import OutputPublishers
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
 from rover_obstacle_detection.node.throttle import Throttle
-from rover_obstacle_detection.node.worker import DetectionWorker, Sources
+from rover_obstacle_detection.node.worker import DetectionWorker, ImagePair, Sources
 
 NAME = 'obstacle_detector'
 DIAGNOSTICS_PERIOD_S = 1.0
-# After a start or a change, messages on their way are not yet missing.
+# After activation, missing messages are not reported for this long.
 GRACE_S = 3.0
 
 
 class ObstacleDetector(LifecycleNode):
     """Node ``obstacle_detector``.
 
-    Configured, it has its output topics; active, it takes images and detects; both are left
-    again by deactivate and cleanup. All callbacks run in the executor's thread and return at
-    once; detection runs in the worker's.
+    Configuring creates the output topics; activating subscribes to the inputs and detects. All
+    callbacks run in the executor's thread and return at once. Detection runs in the worker's.
 
     Raises
     ------
     ConfigurationError
-        If a parameter given at the start does not fit.
+        If a parameter given at start-up is invalid.
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(NAME, **options)
         self._settings = declare_parameters(self)
-        self.add_pre_set_parameters_callback(with_decimals)
+        self.add_pre_set_parameters_callback(integers_to_floats)
         self.add_on_set_parameters_callback(self._judge_change)
-        self.add_post_set_parameters_callback(self._take_change)
+        self.add_post_set_parameters_callback(self._apply_change)
         logger = self.get_logger()
         self._warn = Throttle(logger.warning)
         self._statistics = NodeStatistics()
@@ -72,12 +70,12 @@ class ObstacleDetector(LifecycleNode):
         self._worker: DetectionWorker | None = None
         self._active_since_s = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # A steady clock: under use_sim_time the node must be heard of without /clock, too.
+        # A steady clock, so that diagnostics do not stop with /clock under use_sim_time.
         self._timer = self.create_timer(
             DIAGNOSTICS_PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         if unknown := unknown_parameters(self):
-            logger.warning(f'parameters that this node does not have: {", ".join(unknown)}')
+            logger.warning(f'unknown parameters: {", ".join(unknown)}')
 
     def start(self) -> None:
         """Configure and activate, unless ``autostart`` is false.
@@ -95,37 +93,37 @@ class ObstacleDetector(LifecycleNode):
             ('activate', self.trigger_activate),
         ):
             if trigger() != TransitionCallbackReturn.SUCCESS:
-                msg = f'the node could not {name} itself: see its log'
+                msg = f'the node failed to {name}: see its log'
                 raise ConfigurationError(msg)
 
     def close(self) -> None:
-        """End the detection that runs, and take all topics down."""
+        """Finish the running detection and remove all topics."""
         self._deactivate()
         self._cleanup()
         self.destroy_node()
 
     def on_configure(self, state: Any) -> Any:
-        """Lifecycle: make the output topics."""
+        """Lifecycle: create the output topics."""
         return self._transition(self._configure)
 
     def on_activate(self, state: Any) -> Any:
-        """Lifecycle: take images and detect."""
+        """Lifecycle: subscribe to the inputs and detect."""
         return self._transition(self._activate)
 
     def on_deactivate(self, state: Any) -> Any:
-        """Lifecycle: end the detection that runs, take no more images."""
+        """Lifecycle: unsubscribe and finish the running detection."""
         return self._transition(self._deactivate)
 
     def on_cleanup(self, state: Any) -> Any:
-        """Lifecycle: take the output topics down, forget the calibration."""
+        """Lifecycle: remove the output topics and forget the calibration."""
         return self._transition(self._cleanup)
 
     def on_shutdown(self, state: Any) -> Any:
-        """Lifecycle: as deactivate and cleanup."""
+        """Lifecycle: deactivate and clean up."""
         return self._transition(self._deactivate, self._cleanup)
 
     def on_error(self, state: Any) -> Any:
-        """Lifecycle: after a failed transition, back to unconfigured."""
+        """Lifecycle: return to unconfigured after a failed transition."""
         return self._transition(self._deactivate, self._cleanup)
 
     def _transition(self, *steps: Callable[[], None]) -> Any:
@@ -133,19 +131,18 @@ class ObstacleDetector(LifecycleNode):
             for step in steps:
                 step()
         except Exception:
-            # rclpy says nothing of an exception in a transition.
+            # rclpy does not log an exception in a transition.
             self.get_logger().error(f'transition failed: {traceback.format_exc()}')
             return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
-        self._outputs = OutputPublishers(self, self._follow_audience)
+        self._outputs = OutputPublishers(self, self._follow_subscribers)
 
     def _activate(self) -> None:
         assert self._outputs is not None
-        gravity = GravityInput(self, self._settings, self._warn)
-        self._gravity = gravity
-        inputs = StereoInputs(
+        self._gravity = gravity = GravityInput(self, self._settings, self._warn)
+        self._inputs = inputs = StereoInputs(
             self,
             self._settings,
             calibration=self._calibration,
@@ -153,7 +150,6 @@ class ObstacleDetector(LifecycleNode):
             on_pair=self._submit,
             warn=self._warn,
         )
-        self._inputs = inputs
         self._worker = DetectionWorker(
             Sources(
                 settings=lambda: self._settings,
@@ -166,7 +162,7 @@ class ObstacleDetector(LifecycleNode):
             warn=self._warn,
         )
         self._active_since_s = time.monotonic()
-        self._follow_audience()
+        self._follow_subscribers()
         left, right = inputs.topics
         self.get_logger().info(
             f'active, method {self._settings.config.method}: pairs of {left} and {right}'
@@ -187,15 +183,15 @@ class ObstacleDetector(LifecycleNode):
         publishers, self._outputs = self._outputs, None
         if publishers is not None:
             publishers.destroy()
-        self._calibration.forget()
+        self._calibration.reset()
 
-    def _follow_audience(self) -> None:
+    def _follow_subscribers(self) -> None:
         if self._inputs is None or self._outputs is None:
             return
-        if self._outputs.audience:
-            self._inputs.listen()
+        if self._outputs.has_subscribers:
+            self._inputs.start()
         else:
-            self._inputs.rest()
+            self._inputs.stop()
 
     def _submit(self, pair: ImagePair) -> None:
         if self._worker is not None:
@@ -204,7 +200,7 @@ class ObstacleDetector(LifecycleNode):
     def _judge_change(self, changes: list[Any]) -> SetParametersResult:
         return judge_change(self, changes)
 
-    def _take_change(self, changes: list[Any]) -> None:
+    def _apply_change(self, changes: list[Any]) -> None:
         if not concerns_settings(changes):
             return
         before, self._settings = self._settings, current_settings(self)
@@ -221,12 +217,12 @@ class ObstacleDetector(LifecycleNode):
         camera, calibration_problem = self._calibration.state
         state = NodeState(
             lifecycle=self._state_machine.current_state[1],
-            listening=inputs is not None and inputs.listening,
+            subscribed=inputs is not None and inputs.subscribed,
             counts=self._statistics.snapshot(),
             pairing=None if inputs is None else inputs.pairing,
             camera=camera,
             calibration_problem=calibration_problem,
-            pairing_problem='' if inputs is None else self._watch.look(inputs.pairing, now_s),
+            pairing_problem='' if inputs is None else self._watch.check(inputs.pairing, now_s),
             gravity_problem='' if gravity is None else gravity.problem,
         )
         self._diagnostics.publish(self._array(statuses(state)))
@@ -249,7 +245,7 @@ class ObstacleDetector(LifecycleNode):
                 for status in judged
             ]
         )
-        # The node's clock, so that under use_sim_time the stamps are the bag's.
+        # The node's clock: simulated time under use_sim_time.
         array.header.stamp = self.get_clock().now().to_msg()
         return array
 

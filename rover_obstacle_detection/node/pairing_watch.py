@@ -1,4 +1,4 @@
-"""Notices images that come and never match."""
+"""Detect that images arrive but never match."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ PATIENCE_S = 3.0
 
 
 class PairingWatch:
-    """Looks at the pairing's counts now and then; says when images come without a pair.
+    """Compares the pairing counts over time and reports images without a pair.
 
     Parameters
     ----------
     patience_s : float, optional
-        Time without a pair, though images come, that is still normal.
+        Time without a pair that is still normal while images arrive (s).
     """
 
     def __init__(self, patience_s: float = PATIENCE_S) -> None:
@@ -22,20 +22,20 @@ class PairingWatch:
         self._last: PairingStatistics | None = None
         self._since_s: float | None = None
 
-    def look(self, counts: PairingStatistics, now_s: float) -> str:
-        """Compare with the last look.
+    def check(self, counts: PairingStatistics, now_s: float) -> str:
+        """Compare the counts with those of the previous call.
 
         Parameters
         ----------
         counts : PairingStatistics
         now_s : float
-            Seconds of a clock that never jumps.
+            Time of a monotonic clock (s).
 
         Returns
         -------
         str
-            What came and did not match, and what may help; empty if all is well, or if no images
-            came since the last look.
+            What arrived without matching and a possible remedy. Empty if pairs arrive, or if no
+            images do.
         """
         base, last, self._last = self._base, self._last, counts
         if base is None or counts.pairs != base.pairs or counts.left < base.left:
@@ -54,7 +54,7 @@ def _describe(counts: PairingStatistics, base: PairingStatistics) -> str:
     left, right = counts.left - base.left, counts.right - base.right
     line = f'{left} left, {right} right, 0 pairs'
     if not left or not right:
-        return f'{line}: nothing comes from the {"right" if left else "left"} eye'
+        return f'{line}: no images from the {"right" if left else "left"} camera'
     if counts.smallest_gap_ns is None:
         return line
     return (

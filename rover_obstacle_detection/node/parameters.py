@@ -1,4 +1,4 @@
-"""The node's parameters in ROS: declared with range and meaning, refused with a reason."""
+"""Declare the ROS parameters and validate changes."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ def declare_parameters(node: Any) -> Settings:
     Returns
     -------
     Settings
-        With what the command line and parameter files gave.
+        With the values given on the command line and in parameter files.
 
     Raises
     ------
     ConfigurationError
-        In one line, if a given value has another type, is out of range, or contradicts another.
+        If a given value has the wrong type, is out of range or conflicts with another.
     """
-    given = getattr(node, '_parameter_overrides', {})
-    given.update({each.name: each for each in with_decimals(given.values())})
+    given = _overrides(node)
+    given.update({each.name: each for each in integers_to_floats(given.values())})
     for description in all_parameters():
         try:
             node.declare_parameter(
                 description.name, description.default, make_descriptor(description)
             )
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-            raise ConfigurationError(_why_refused(node, description, error)) from error
+            raise ConfigurationError(_refusal(node, description, error)) from error
     return current_settings(node)
 
 
 def make_descriptor(description: ParameterDescription) -> ParameterDescriptor:
-    """Describe a parameter as ROS tools show it."""
+    """Return the ROS descriptor of a parameter."""
     text = description.description
     if description.choices:
         text += f' One of {", ".join(description.choices)}.'
@@ -73,17 +73,17 @@ def make_descriptor(description: ParameterDescription) -> ParameterDescriptor:
 
 
 def current_settings(node: Any, changes: Iterable[Parameter] = ()) -> Settings:
-    """Read all parameters, with some changed, and check them together.
+    """Read all parameters, apply changes and validate the result.
 
     Parameters
     ----------
     node : rclpy node
-    changes : iterable of rclpy.parameter.Parameter
+    changes : iterable of rclpy.parameter.Parameter, optional
 
     Raises
     ------
     ObstacleDetectionError
-        If they contradict each other, or need what is not installed.
+        If values conflict, or need a package that is not installed.
     """
     names = [each.name for each in all_parameters()]
     values = {name: node.get_parameter(name).value for name in names if node.has_parameter(name)}
@@ -94,25 +94,25 @@ def current_settings(node: Any, changes: Iterable[Parameter] = ()) -> Settings:
     return settings
 
 
-def with_decimals(changes: Iterable[Parameter]) -> list[Parameter]:
-    """Take whole numbers for parameters that have decimals; ROS itself refuses them."""
-    decimals = {each.name for each in all_parameters() if isinstance(each.default, float)}
+def integers_to_floats(changes: Iterable[Parameter]) -> list[Parameter]:
+    """Convert integers given for float parameters, which ROS would refuse."""
+    floats = {each.name for each in all_parameters() if isinstance(each.default, float)}
     return [
         Parameter(each.name, value=float(each.value))
-        if each.name in decimals and each.type_ == Parameter.Type.INTEGER
+        if each.name in floats and each.type_ == Parameter.Type.INTEGER
         else each
         for each in changes
     ]
 
 
 def concerns_settings(changes: Iterable[Parameter]) -> bool:
-    """Whether parameters of `all_parameters` are among them, and not only ROS's own."""
+    """Return whether any of `all_parameters` changes, not only ROS's own parameters."""
     names = {each.name for each in all_parameters()}
     return any(each.name in names for each in changes)
 
 
 def judge_change(node: Any, changes: Sequence[Parameter]) -> SetParametersResult:
-    """Answer a request to set parameters: refused with the reason if they do not fit."""
+    """Accept a change of parameters, or refuse it with the reason."""
     if not concerns_settings(changes):
         return SetParametersResult(successful=True)
     try:
@@ -123,20 +123,24 @@ def judge_change(node: Any, changes: Sequence[Parameter]) -> SetParametersResult
 
 
 def unknown_parameters(node: Any) -> list[str]:
-    """Names that were given at the start and that the node does not have: misspelt, perhaps."""
-    given = getattr(node, '_parameter_overrides', {})
+    """Return names given at start-up that the node does not have, such as misspelt ones."""
     return sorted(
         name
-        for name in given
+        for name in _overrides(node)
         if not node.has_parameter(name) and not name.startswith('qos_overrides.')
     )
 
 
-def _why_refused(node: Any, description: ParameterDescription, error: Exception) -> str:
-    given = getattr(node, '_parameter_overrides', {}).get(description.name)
-    value = getattr(given, 'value', None)
+def _overrides(node: Any) -> dict[str, Parameter]:
+    overrides: dict[str, Parameter] = getattr(node, '_parameter_overrides', {})
+    return overrides
+
+
+def _refusal(node: Any, description: ParameterDescription, error: Exception) -> str:
+    # rclpy's own message names neither the range nor the value.
+    given = _overrides(node).get(description.name)
     try:
-        description.check(value)
+        description.check(getattr(given, 'value', None))
     except ConfigurationError as reason:
         return str(reason)
     return str(error)

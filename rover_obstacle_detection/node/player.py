@@ -1,4 +1,4 @@
-"""A recording into the live ROS graph, in its own timing; reliable, so that nothing is lost."""
+"""Play a recording into the live ROS graph, with its own timing and reliable publishers."""
 
 from __future__ import annotations
 
@@ -14,31 +14,34 @@ from rover_obstacle_detection.node.process import StopSignals, ros
 from rover_obstacle_detection.node.timeline import Timeline
 
 DEPTH = 10
-# Subscribers of one node are found one after the other; this long after the last one, all are.
+# Discovery is complete when no subscriber has appeared for this long.
 SETTLE_S = 0.5
+# Longest wait for subscribers to acknowledge the last messages.
 ACKNOWLEDGE_S = 5.0
+# Interval between checks for subscribers.
+POLL_S = 0.02
 
 
 @dataclass(frozen=True)
 class PlayOptions:
-    """How to play.
+    """Playback options.
 
     Parameters
     ----------
     rate : float
-        Recorded seconds a second.
+        Recorded seconds per second of playback.
     loop : bool
-        Start again at the end, with the same stamps.
+        Restart at the end, with the same stamps.
     clock_hz : float
-        Messages on /clock a second; 0 for none.
+        Messages on /clock per second; 0 for none.
     start_s : float
-        Seconds to leave out at the beginning.
+        Seconds to skip at the beginning.
     duration_s : float, optional
-        Recorded seconds to play; to the end if none is given.
+        Recorded seconds to play. Default: to the end.
     topics : sequence of str
-        Topics to play; all if empty.
+        Topics to play; empty for all.
     wait_s : float
-        Longest time to wait for a first subscriber.
+        Longest wait for a first subscriber (s).
     """
 
     rate: float = 1.0
@@ -58,15 +61,24 @@ def play(
 ) -> int:
     """Play a recording until its end, Ctrl-C or SIGTERM.
 
+    Parameters
+    ----------
+    path : Path
+    options : PlayOptions
+    ros_arguments : sequence of str, optional
+        Without ``--ros-args``.
+    say : callable, optional
+        Prints a line for the user.
+
     Returns
     -------
     int
-        Messages published.
+        Number of messages published.
 
     Raises
     ------
     BagError
-        If the recording cannot be read or has none of the topics.
+        If the recording cannot be read or lacks a requested topic.
     MissingExtraError
         If rclpy is not installed.
     """
@@ -88,7 +100,7 @@ def play(
 
 
 class Player:
-    """Publishes a recording's topics; to be made between `ros`'s set-up and end.
+    """Publishes the topics of a recording; needs an initialised rclpy.
 
     Parameters
     ----------
@@ -97,7 +109,7 @@ class Player:
     options : PlayOptions
     stop : StopSignals
     say : callable
-        Takes lines for the user.
+        Prints a line for the user.
     """
 
     def __init__(
@@ -127,7 +139,7 @@ class Player:
             self._end_ns = min(self._end_ns, self._start_ns + round(options.duration_s * 1e9))
 
     def play(self) -> None:
-        """Wait for subscribers, then play, once or over and over."""
+        """Wait for subscribers, then play once or in a loop."""
         if not self._wait_for_subscribers():
             return
         seconds = max(self._end_ns - self._start_ns, 0) / 1e9
@@ -139,10 +151,10 @@ class Player:
             pass
         self._finish()
         line = f'{self.published} messages published'
-        self._say(f'{line}, {self.bad} that cannot be decoded left out' if self.bad else line)
+        self._say(f'{line}, {self.bad} skipped that cannot be decoded' if self.bad else line)
 
     def close(self) -> None:
-        """Take the topics down."""
+        """Remove the topics."""
         self._node.destroy_node()
 
     def _publisher(self, topic: str) -> Any:
@@ -154,13 +166,13 @@ class Player:
         try:
             message_class = message_type(type_name)
         except ImportError:
-            self._say(f'{topic}: {type_name} is not installed, not played')
+            self._say(f'{topic}: skipped, {type_name} is not installed')
             return None
-        quality = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+        qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
         if topic.endswith('tf_static'):
-            # Sent once, and needed by whoever comes later.
-            quality.durability = DurabilityPolicy.TRANSIENT_LOCAL
-        return self._node.create_publisher(message_class, topic, quality)
+            # Published once, but needed by late subscribers.
+            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        return self._node.create_publisher(message_class, topic, qos)
 
     def _clock_publisher(self) -> Any:
         from rosgraph_msgs.msg import Clock
@@ -179,17 +191,17 @@ class Player:
                 return True
             if now_s - started_s >= self._options.wait_s:
                 if not any(counts) and self._options.wait_s:
-                    self._say('nobody subscribes to these topics yet')
+                    self._say('no subscriber to these topics yet')
                 return True
-            if self._stop.wait(0.02):
+            if self._stop.wait(POLL_S):
                 return False
 
     def _play_round(self) -> bool:
-        """Play from start to end; False if a signal came."""
+        """Play from start to end; return False if interrupted."""
         timeline = Timeline(self._start_ns, self._options.rate, self._options.clock_hz)
         started_s = time.monotonic()
         ticks = 0
-        # The end itself is still played.
+        # Includes the message at the end time.
         entries = self._bag.serialized_messages(
             tuple(self._publishers), self._start_ns, self._end_ns + 1
         )
@@ -226,7 +238,7 @@ class Player:
 
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_S))
-        # Best-effort readers acknowledge nothing.
+        # Best-effort subscribers do not acknowledge.
         self._stop.wait(SETTLE_S)
 
 

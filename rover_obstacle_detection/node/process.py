@@ -1,4 +1,4 @@
-"""What the node's and the player's processes have in common: signals, and ROS set up and down."""
+"""Signal handling and ROS start-up, shared by the node and the player."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopSignals:
-    """Turns Ctrl-C and SIGTERM into something to wait for, once or as often as they come.
+    """Turns Ctrl-C and SIGTERM into an event to wait for.
 
-    Under ``ros2 launch`` Ctrl-C arrives twice, and the second must not break the clean-up. To be
-    made in the main thread, before anything else starts.
+    Under ``ros2 launch`` Ctrl-C arrives twice; the second one must not interrupt the clean-up.
+    Create it in the main thread before any other thread starts.
     """
 
     def __init__(self) -> None:
-        # A pipe and not a threading.Event: a handler that sets an event may deadlock with the
-        # main thread, which is just about to wait for it.
+        # A threading.Event set by a signal handler can deadlock with the thread waiting for it.
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)
         for number in SIGNALS:
@@ -31,40 +30,40 @@ class StopSignals:
         signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for a signal; True if one has come, now or before."""
+        """Wait for a signal; return whether one has arrived, now or earlier."""
         ready, _, _ = select.select([self._read], [], [], timeout_s)
         return bool(ready)
 
     def request(self) -> None:
-        """Ask for the end as a signal would; from any thread."""
+        """Request the end, from any thread."""
         os.write(self._write, b'\0')
 
     def ignore(self) -> None:
-        """Let later signals pass, so that none meets Python in the middle of its own end."""
+        """Ignore further signals, which could interrupt the interpreter's shutdown."""
         for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
 
 @contextlib.contextmanager
 def ros(ros_arguments: Sequence[str]) -> Iterator[str | None]:
-    """Set rclpy up, with a transport for large messages, and down again.
+    """Initialise rclpy with a transport for large messages; shut it down on exit.
 
     Parameters
     ----------
     ros_arguments : sequence of str
-        Such as ``-p max_step:=0.15``, without ``--ros-args``.
+        For example ``-p max_step:=0.15``, without ``--ros-args``.
 
     Yields
     ------
     str or None
-        A line to warn the user with, where large messages will be lost.
+        A warning if large messages may be lost.
 
     Raises
     ------
     MissingExtraError
         If rclpy or a middleware is not installed.
     ConfigurationError
-        If rclpy does not understand the arguments.
+        If rclpy rejects the arguments.
     """
     warning = use_large_message_profile()
     try:

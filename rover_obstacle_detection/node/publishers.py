@@ -1,4 +1,4 @@
-"""The node's output topics: nothing is made for a topic that nobody listens to."""
+"""The node's output topics; only those with subscribers cost anything."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.node.rclpy_factory import RclpyFactory, message_type
 
-# A deep queue of clouds would cost memory; two frames bridge a reader's hiccup.
+# Two frames cover a subscriber's hiccup; a deeper queue of clouds costs memory.
 DEPTH = 2
 
 
 class OutputPublishers:
-    """One publisher for each entry of `OUTPUTS`, reliable.
+    """One reliable publisher for each entry of `OUTPUTS`.
 
     Parameters
     ----------
     node : rclpy node
-    on_audience : callable
-        Called in the executor whenever a subscriber comes or goes.
+    on_subscribers_changed : callable
+        Called in the executor when a subscriber connects or disconnects.
     """
 
-    def __init__(self, node: Any, on_audience: Callable[[], None]) -> None:
+    def __init__(self, node: Any, on_subscribers_changed: Callable[[], None]) -> None:
         self._node = node
         self._factory = RclpyFactory()
         self._publishers = [
@@ -36,15 +36,11 @@ class OutputPublishers:
                 node.create_publisher(
                     message_type(output.type_name),
                     name,
-                    QoSProfile(
-                        history=HistoryPolicy.KEEP_LAST,
-                        depth=DEPTH,
-                        reliability=ReliabilityPolicy.RELIABLE,
-                    ),
+                    QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE),
                     event_callbacks=PublisherEventCallbacks(
-                        matched=lambda event: on_audience(),
-                        # rclpy goes through every event handler with every message that comes:
-                        # two more for each output would double what the node costs at rest.
+                        matched=lambda event: on_subscribers_changed(),
+                        # rclpy polls every event handler on each wake-up; the default ones
+                        # would double the node's idle load.
                         use_default_callbacks=False,
                     ),
                     qos_overriding_options=QoSOverridingOptions.with_default_policies(),
@@ -54,25 +50,25 @@ class OutputPublishers:
         ]
 
     @property
-    def audience(self) -> bool:
-        """Whether anybody listens to anything."""
+    def has_subscribers(self) -> bool:
+        """Whether any output has a subscriber."""
         return any(publisher.get_subscription_count() for _, publisher in self._publishers)
 
     def publish(self, detection: Detection, header: Any) -> None:
-        """Make and send the messages that have a subscriber.
+        """Make and publish the messages that have a subscriber.
 
         Parameters
         ----------
         detection : Detection
         header : std_msgs/Header
-            Of the left image: stamp and frame of everything sent.
+            Header of the left image, used for every message.
         """
         for output, publisher in self._publishers:
             if publisher.get_subscription_count():
                 publisher.publish(output.encode(detection, header, self._factory))
 
     def destroy(self) -> None:
-        """Take the topics down."""
+        """Remove the topics."""
         for _, publisher in self._publishers:
             self._node.destroy_publisher(publisher)
         self._publishers = []

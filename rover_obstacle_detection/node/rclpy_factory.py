@@ -1,4 +1,4 @@
-"""Messages of rclpy: what the node publishes."""
+"""Make messages of rclpy, which the node publishes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# What the generated classes keep their sequences in, by NumPy kind and size.
+# array typecodes of rclpy's sequence fields, by NumPy kind and size.
 _TYPECODES = {
     'u1': 'B', 'i1': 'b', 'u2': 'H', 'i2': 'h', 'u4': 'I', 'i4': 'i', 'u8': 'Q', 'i8': 'q',
     'f4': 'f', 'f8': 'd',
@@ -30,7 +30,7 @@ class RclpyFactory:
 
 @lru_cache(maxsize=64)
 def message_type(type_name: str) -> Any:
-    """Find the class of a type such as ``sensor_msgs/msg/Image``.
+    """Return the class of a type such as ``sensor_msgs/msg/Image``.
 
     Raises
     ------
@@ -50,12 +50,12 @@ def message_type(type_name: str) -> Any:
 def _native(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return _sequence(value)
-    # rclpy takes NumPy numbers, and fails when the message is published.
+    # rclpy accepts NumPy numbers here, but then fails in publish().
     return value.item() if isinstance(value, np.generic) else value
 
 
 def _sequence(values: NDArray[Any]) -> array[Any]:
-    # An ndarray assigned as it is would be checked and copied number by number (45 ms an image).
+    # rclpy would check and copy an ndarray element by element (tens of ms per image).
     sequence = array(_TYPECODES[values.dtype.str[1:]])
     sequence.frombytes(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
     return sequence

@@ -1,4 +1,4 @@
-"""The node's own parameters, and all of them together as one frozen value."""
+"""The node's own parameters, and all parameters as one frozen value."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.rover_mask import RoverMask
 
 IMAGE_TRANSPORTS = ('raw', 'compressed')
-# With approximate_sync and no tolerance the nearest image is taken however far it is.
+# Without a tolerance, approximate_sync accepts any stamp difference.
 NO_LIMIT_NS = 1 << 62
 
 NODE_PARAMETERS = (
     ParameterDescription(
         'approximate_sync',
         False,
-        'Pair left and right images whose stamps differ; else only equal stamps.',
+        'Pair images whose stamps differ. If false, only equal stamps are paired.',
     ),
     ParameterDescription(
         'approximate_sync_tolerance_seconds',
         0.0,
-        'Largest difference of the stamps of a pair, with approximate_sync (s); 0: no limit.',
+        'Largest stamp difference within a pair if approximate_sync is true (s); 0: no limit.',
         0.0,
         10.0,
     ),
     ParameterDescription(
-        'queue_size', 5, 'Images of each eye that may wait for their partner.', 1, 100
+        'queue_size', 5, 'Images of each camera that may wait for their partner.', 1, 100
     ),
     ParameterDescription(
         'image_transport',
         'raw',
-        'raw: Image on left/image_rect; compressed: CompressedImage on '
-        'left/image_rect/compressed; right alike.',
+        'raw: subscribe to Image on left/image_rect and right/image_rect. compressed: subscribe '
+        'to CompressedImage on left/image_rect/compressed and right/image_rect/compressed.',
         choices=IMAGE_TRANSPORTS,
     ),
     ParameterDescription(
-        'base_frame', 'base_link', 'Frame whose z axis is up, for gravity_source tf.'
+        'base_frame', 'base_link', 'Frame whose z axis points up, for gravity_source tf.'
     ),
     *(
         ParameterDescription(
             f'imu_{name}',
             0.0,
-            f'{name.capitalize()} of the IMU frame as seen from the left optical frame, '
-            'as URDF writes rpy, for gravity_source imu (deg).',
+            f'{name.capitalize()} of the IMU frame in the left optical frame, as in URDF rpy, '
+            'for gravity_source imu (deg).',
             -180.0,
             180.0,
         )
@@ -54,25 +54,26 @@ NODE_PARAMETERS = (
     ParameterDescription(
         'rover_mask',
         '',
-        'Picture of the size of the left image, not black where it shows the rover itself; '
-        'such pixels are never judged.',
+        'Image file of the size of the left image, not black where the rover itself is visible. '
+        'These pixels are excluded from detection.',
     ),
     ParameterDescription(
         'rover_polygon',
         '',
-        'Outline of the rover in the left image, [[column, row], ...] in pixels; never judged.',
+        'Outline of the rover in the left image, [[column, row], ...] (px). The pixels inside '
+        'are excluded from detection.',
     ),
     ParameterDescription(
-        'autostart', True, 'Configure and activate at the start, without a lifecycle manager.'
+        'autostart', True, 'Configure and activate at start-up, without a lifecycle manager.'
     ),
 )
-# Read once, at the start.
+# Read once, at start-up.
 READ_ONLY = frozenset({'autostart'})
 
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """All parameters, checked.
+    """All parameters, validated.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ class Settings:
     image_transport : str
     base_frame : str
     imu_angles_deg : tuple of float
-        Roll, pitch and yaw of the IMU frame in the left optical frame.
+        Roll, pitch and yaw of the IMU frame in the left optical frame (deg).
     rover_mask : RoverMask or None
     autostart : bool
     """
@@ -99,17 +100,17 @@ class Settings:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Settings:
-        """Check the values of all parameters, single and together.
+        """Validate all parameters, individually and in combination.
 
         Parameters
         ----------
         values : mapping of str to value
-            What `all_parameters` lists; where one is missing its default is taken.
+            Values of `all_parameters`; missing ones keep their default.
 
         Raises
         ------
         ConfigurationError
-            Naming the parameter, its value and what was expected.
+            Naming the parameter, its value and the expected value.
         """
         names = {each.name for each in DetectorConfig.parameters()}
         config = DetectorConfig(**{name: values[name] for name in names if name in values})
@@ -135,5 +136,5 @@ class Settings:
 
 
 def all_parameters() -> tuple[ParameterDescription, ...]:
-    """List the parameters of the node: the detector's, then its own."""
+    """Return all parameters of the node: the detector's, then its own."""
     return (*DetectorConfig.parameters(), *NODE_PARAMETERS)

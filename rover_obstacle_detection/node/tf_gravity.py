@@ -1,4 +1,4 @@
-"""Which way is up, from TF: the z axis of the rover's base frame."""
+"""The gravity direction from TF: the z axis of the rover's base frame."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.node.imu_gravity import up_from_quaternion
 
-# A pan-tilt head's transform comes a little later than the image.
+# The transform of a pan-tilt head can arrive a little after the image.
 PATIENCE_S = 0.1
 
 
 def import_tf2_ros() -> Any:
-    """Import tf2_ros, which no wheel brings.
+    """Import tf2_ros, which is not on PyPI.
 
     Raises
     ------
@@ -34,14 +34,14 @@ def import_tf2_ros() -> Any:
 
 
 class TfGravity:
-    """Listens to TF and looks the vertical up for each pair.
+    """Looks up the gravity direction in TF.
 
     Parameters
     ----------
     node : rclpy node
-        Whose executor runs the listener.
+        Its executor runs the listener.
     base_frame : str
-        Frame whose z axis is up.
+        Frame whose z axis points up.
     """
 
     def __init__(self, node: Any, base_frame: str) -> None:
@@ -52,19 +52,20 @@ class TfGravity:
         self._listener = self._tf2_ros.TransformListener(self._buffer, node)
 
     def at(self, stamp: Any, frame_id: str, height_m: float | None) -> Gravity | str:
-        """Look the vertical up at a stamp.
+        """Look up gravity at a stamp.
 
         Parameters
         ----------
         stamp : rclpy.time.Time
         frame_id : str
             The left optical frame.
-        height_m : float, optional
+        height_m : float or None
+            Camera height to put into the result (m).
 
         Returns
         -------
         Gravity or str
-            The vertical, or a line that says why there is none.
+            Gravity, or the reason why there is none.
         """
         try:
             transform = self._buffer.lookup_transform(
@@ -77,5 +78,5 @@ class TfGravity:
         return Gravity(up=(float(x), float(y), float(z)), height_m=height_m)
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe from TF."""
         self._listener.unregister()

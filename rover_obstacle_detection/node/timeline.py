@@ -1,4 +1,4 @@
-"""When each message of a recording is due, and what time the recording has then."""
+"""Convert between recorded time and playback time."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Timeline:
-    """Recorded time against time that passes.
+    """Recorded time as a function of the time elapsed since playback started.
 
     Parameters
     ----------
     start_ns : int
-        Recorded time at which the round starts.
+        Recorded time at which playback starts.
     rate : float
-        Recorded seconds a second.
+        Recorded seconds per second of playback.
     clock_hz : float, optional
-        Ticks of /clock a second of time that passes; 0 for none.
+        Messages on /clock per second of playback; 0 for none.
     """
 
     start_ns: int
@@ -24,13 +24,13 @@ class Timeline:
     clock_hz: float = 0.0
 
     def due_s(self, recorded_ns: int) -> float:
-        """Return the seconds after the start at which a message is due."""
+        """Return when to publish a message (s after the start)."""
         return (recorded_ns - self.start_ns) / 1e9 / self.rate
 
     def recorded_ns(self, elapsed_s: float) -> int:
-        """Return the recorded time after a span of time that has passed."""
+        """Return the recorded time after ``elapsed_s`` of playback."""
         return self.start_ns + round(elapsed_s * self.rate * 1e9)
 
     def tick_s(self, number: int) -> float:
-        """Return the seconds after the start of a tick of /clock; infinity without clock."""
+        """Return when to publish a message on /clock (s after the start); infinity for none."""
         return number / self.clock_hz if self.clock_hz else float('inf')

@@ -1,4 +1,4 @@
-"""Which Fast DDS profile a process of ours uses: the shipped one, unless the user has a choice."""
+"""Select the Fast DDS profile: the shipped one, unless the user configured a transport."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 PROFILE = Path(__file__).with_name('fastdds_profile.xml')
 PROFILE_VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
-# A file of this name in the working folder is what Fast DDS takes where no variable is set.
+# Without a variable, Fast DDS loads a file of this name from the working directory.
 IMPLICIT_PROFILES = ('DEFAULT_FASTRTPS_PROFILES.xml', 'DEFAULT_FASTDDS_PROFILES.xml')
 FAST_DDS = 'rmw_fastrtps_cpp'
 SHARED_MEMORY = Path('/dev/shm')
-# What a participant takes beside its segment, measured: 140 MB in all for 134 MB.
+# Measured: a participant with a segment of 134 MB takes 140 MB.
 SEGMENT_OVERHEAD = 1.06
 
 
@@ -23,24 +23,24 @@ def use_large_message_profile(
     folder: Path | None = None,
     shared_memory: Path = SHARED_MEMORY,
 ) -> str | None:
-    """Set the shipped Fast DDS profile; to be called before rclpy starts.
+    """Select the shipped Fast DDS profile; call it before rclpy is loaded.
 
-    Left alone: another middleware, a profile or a choice of transports that the user has set
-    (also a profile in the working folder), and a machine without enough shared memory.
+    Nothing changes if the user chose another middleware, profile or transport, or if there is
+    too little shared memory.
 
     Parameters
     ----------
     environment : mutable mapping, optional
-        ``os.environ`` if none is given.
+        Default: ``os.environ``.
     folder : Path, optional
-        Where Fast DDS looks for a profile of its own; the working folder.
+        Where Fast DDS looks for a profile. Default: the working directory.
     shared_memory : Path, optional
-        The file system of shared memory.
+        Mount point of shared memory.
 
     Returns
     -------
     str or None
-        A line to warn the user with, where large messages will be lost.
+        A warning if large messages may be lost.
     """
     environment = os.environ if environment is None else environment
     if environment.get('RMW_IMPLEMENTATION', FAST_DDS) not in (FAST_DDS, ''):
@@ -55,9 +55,9 @@ def use_large_message_profile(
     free = _free_bytes(shared_memory)
     if free < needed:
         return (
-            f'{shared_memory} has {free / 1e6:.0f} MB free, the shipped Fast DDS profile takes '
-            f'{needed / 1e6:.0f} MB for each process: not used, large images and clouds may be '
-            'lost (in a container: --shm-size 1g)'
+            f'{shared_memory} has {free / 1e6:.0f} MB free, but the shipped Fast DDS profile '
+            f'needs {needed / 1e6:.0f} MB per process and is not used: large images and clouds '
+            'may be lost (in a container, set --shm-size 1g)'
         )
     for name in PROFILE_VARIABLES:
         environment[name] = str(PROFILE)
@@ -65,7 +65,7 @@ def use_large_message_profile(
 
 
 def segment_size() -> int:
-    """Size of the shipped profile's shared-memory segment, bytes."""
+    """Return the size of the shipped profile's shared-memory segment (bytes)."""
     root = xml.etree.ElementTree.parse(PROFILE).getroot()
     return int(next(each.text or '0' for each in root.iter() if each.tag.endswith('segment_size')))
 

@@ -1,4 +1,4 @@
-"""The thread that detects: newest pair in, messages out, whatever the pair is like."""
+"""The detection thread: takes the newest pair and publishes the result."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -18,37 +19,51 @@ from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError, ObstacleDetectionError
 from rover_obstacle_detection.messages.image import decode_any_image
 from rover_obstacle_detection.node.calibration import LiveCalibration
-from rover_obstacle_detection.node.image_pair import ImagePair
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
-from rover_obstacle_detection.node.statistics import NodeStatistics
+from rover_obstacle_detection.node.statistics import DetectionFigures, NodeStatistics
 from rover_obstacle_detection.swapped_images import refuse_swapped_images
 
-# A detection that runs is waited for; one that hangs does not keep the node from ending.
-PATIENCE_S = 20.0
-# The first pair after a start or a rest may overtake the camera_info that was sent with it.
-CALIBRATION_PATIENCE_S = 0.2
+# `stop` waits for a running detection; one that hangs must not keep the node from exiting.
+STOP_TIMEOUT_S = 20.0
+# After a start or an idle period, the first pair can overtake its camera_info.
+CALIBRATION_TIMEOUT_S = 0.2
+
+
+class ImagePair(NamedTuple):
+    """A pair of messages, not yet decoded.
+
+    Parameters
+    ----------
+    left, right : sensor_msgs/Image or CompressedImage
+    arrival_s : float
+        Monotonic time at which the second of them arrived.
+    """
+
+    left: Any
+    right: Any
+    arrival_s: float
 
 
 class Publishes(Protocol):
-    """What the worker needs of `OutputPublishers`."""
+    """The part of `OutputPublishers` that the worker needs."""
 
     def publish(self, detection: Detection, header: Any) -> None:
-        """Send what is wanted of a detection."""
+        """Publish the outputs of a detection."""
 
 
 @dataclass(frozen=True)
 class Sources:
-    """What a detection depends on beside the pair; asked for anew with every pair.
+    """What a detection depends on besides the pair; read again for each pair.
 
     Parameters
     ----------
     settings : callable
-        The settings in force.
+        Returns the current settings.
     gravity : callable
-        The vertical for a header of a left image, or None for the detector's own.
+        Returns gravity for a left image's header, or None to estimate it.
     topics : callable
-        Full names of the two image topics.
+        Returns the full names of the two image topics.
     """
 
     settings: Callable[[], Settings]
@@ -57,7 +72,7 @@ class Sources:
 
 
 class DetectionWorker:
-    """Detects in a thread of its own, always the newest pair.
+    """Runs the detector on the newest pair in a thread of its own.
 
     Parameters
     ----------
@@ -66,7 +81,7 @@ class DetectionWorker:
     outputs : OutputPublishers
     statistics : NodeStatistics
     warn : callable
-        Takes a line that says why a frame could not be used.
+        Logs why a frame was unusable.
     """
 
     def __init__(
@@ -89,13 +104,13 @@ class DetectionWorker:
         self._thread.start()
 
     def submit(self, pair: ImagePair) -> None:
-        """Leave a pair for detection, in place of one that still waits; returns at once."""
+        """Queue a pair in place of one that still waits; returns at once."""
         self._mailbox.put(pair)
 
     def stop(self) -> None:
-        """End the thread, after the detection that it is at."""
+        """End the thread after the running detection."""
         self._mailbox.close()
-        self._thread.join(PATIENCE_S)
+        self._thread.join(STOP_TIMEOUT_S)
 
     def _run(self) -> None:
         while (pair := self._mailbox.take()) is not None:
@@ -105,15 +120,14 @@ class DetectionWorker:
                 self._statistics.bad_frame(type(error).__name__)
                 self._warn(str(error))
             except Exception as error:
-                # The rover needs the next mask more than an end with this one's traceback.
+                # An unforeseen error costs one frame, not the node.
                 self._statistics.bad_frame(type(error).__name__)
                 self._warn(f'detection failed: {traceback.format_exc()}')
 
     def _process(self, pair: ImagePair) -> None:
-        camera = self._calibration.wait_for_camera(CALIBRATION_PATIENCE_S)
+        camera = self._calibration.wait_for_camera(CALIBRATION_TIMEOUT_S)
         if camera is None:
             self._statistics.bad_frame('no calibration')
-            # The node says so again for as long as it lasts, with or without images.
             self._warn(self._calibration.state[1])
             return
         left, right = (
@@ -125,40 +139,37 @@ class DetectionWorker:
         detection = self._detector_for(camera).detect(
             left, right, gravity=self._sources.gravity(header)
         )
-        valid_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
         refuse_swapped_images(detection, left, right, *self._sources.topics())
         self._outputs.publish(detection, header)
         self._statistics.detection(
             time.monotonic() - pair.arrival_s,
-            valid_share=valid_share,
-            obstacle_share=np.count_nonzero(detection.mask) / detection.mask.size,
-            rows_off_px=detection.alignment.most_px(camera),
-            lens_bend_px=detection.lenses.mean_bend_px(camera),
+            DetectionFigures(
+                valid_share=np.count_nonzero(detection.disparity > 0) / detection.disparity.size,
+                obstacle_share=np.count_nonzero(detection.mask) / detection.mask.size,
+                rows_off_px=detection.alignment.most_px(camera),
+                lens_bend_px=detection.lenses.mean_bend_px(camera),
+            ),
         )
 
-    def _check_sizes(self, left: Any, right: Any, camera: StereoCamera) -> None:
+    def _check_sizes(self, left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> None:
         left_topic, right_topic = self._sources.topics()
         size, right_size = left.shape[1::-1], right.shape[1::-1]
         if size != right_size:
             msg = (
-                f'{left_topic}: width x height is {size[0]} x {size[1]}, that of {right_topic} is '
-                f'{right_size[0]} x {right_size[1]}: expected the same'
+                f'{left_topic}: width x height is {size[0]} x {size[1]}: expected '
+                f'{right_size[0]} x {right_size[1]}, as on {right_topic}'
             )
             raise ImageError(msg)
         if size != (camera.width, camera.height):
             msg = (
                 f'{left_topic}: width x height is {size[0]} x {size[1]}: expected '
-                f'{camera.width} x {camera.height}, as camera_info says'
+                f'{camera.width} x {camera.height}, as in camera_info'
             )
             raise ImageError(msg)
 
     def _detector_for(self, camera: StereoCamera) -> Detector:
         settings = self._sources.settings()
-        if (
-            self._detector is None
-            or self._detector[0] != camera
-            or (self._detector[1] is not settings)
-        ):
+        if self._detector is None or self._detector[:2] != (camera, settings):
             mask = settings.rover_mask
             pixels = None if mask is None else mask.pixels(camera.height, camera.width)
             self._detector = camera, settings, Detector(camera, settings.config, pixels)

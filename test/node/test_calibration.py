@@ -24,21 +24,21 @@ def calibration() -> LiveCalibration:
     return LiveCalibration('/left/camera_info', '/right/camera_info')
 
 
-def test_says_which_eye_is_missing(calibration: LiveCalibration) -> None:
+def test_missing_camera_info_is_named(calibration: LiveCalibration) -> None:
     assert calibration.state[1].endswith(
-        'nothing came on /left/camera_info and /right/camera_info yet'
+        'nothing received on /left/camera_info and /right/camera_info yet'
     )
 
-    calibration.take(0, make_info())
+    calibration.update(0, make_info())
 
     camera, problem = calibration.state
     assert camera is None
-    assert problem == 'no calibration: nothing came on /right/camera_info yet'
+    assert problem == 'no calibration: nothing received on /right/camera_info yet'
 
 
-def test_both_eyes_make_a_camera(calibration: LiveCalibration) -> None:
-    calibration.take(0, make_info())
-    calibration.take(1, make_info(right=True))
+def test_two_camera_infos_form_a_stereo_camera(calibration: LiveCalibration) -> None:
+    calibration.update(0, make_info())
+    calibration.update(1, make_info(right=True))
 
     camera, problem = calibration.state
     assert camera is not None
@@ -47,22 +47,22 @@ def test_both_eyes_make_a_camera(calibration: LiveCalibration) -> None:
     assert problem == ''
 
 
-def test_same_calibration_again_changes_nothing(calibration: LiveCalibration) -> None:
-    calibration.take(0, make_info())
-    calibration.take(1, make_info(right=True))
+def test_repeated_calibration_keeps_the_camera(calibration: LiveCalibration) -> None:
+    calibration.update(0, make_info())
+    calibration.update(1, make_info(right=True))
     camera, _ = calibration.state
 
-    assert not calibration.take(0, make_info())
-    assert not calibration.take(1, make_info(right=True))
+    assert not calibration.update(0, make_info())
+    assert not calibration.update(1, make_info(right=True))
 
     assert calibration.state[0] is camera
 
 
-def test_other_calibration_is_taken_up(calibration: LiveCalibration) -> None:
+def test_changed_calibration_replaces_the_camera(calibration: LiveCalibration) -> None:
     for side in (0, 1):
-        calibration.take(side, make_info(right=bool(side)))
+        calibration.update(side, make_info(right=bool(side)))
     for side in (0, 1):
-        calibration.take(side, make_info(right=bool(side), fx=200.0, width=32))
+        calibration.update(side, make_info(right=bool(side), fx=200.0, width=32))
 
     camera, _ = calibration.state
     assert camera is not None
@@ -73,41 +73,41 @@ def test_other_calibration_is_taken_up(calibration: LiveCalibration) -> None:
     ('fx', 'reason'),
     [(0.0, r'P\[0\] \(fx\) is 0.0'), (math.nan, 'not finite')],
 )
-def test_invalid_calibration_is_named_and_the_next_good_one_taken(
+def test_invalid_calibration_is_named_and_the_next_good_one_used(
     calibration: LiveCalibration, fx: float, reason: str
 ) -> None:
-    calibration.take(0, make_info())
-    calibration.take(1, make_info(right=True))
+    calibration.update(0, make_info())
+    calibration.update(1, make_info(right=True))
 
-    assert calibration.take(0, make_info(fx=fx))
-    assert not calibration.take(0, make_info(fx=fx))
+    assert calibration.update(0, make_info(fx=fx))
+    assert not calibration.update(0, make_info(fx=fx))
     camera, problem = calibration.state
     assert camera is None
     assert re.search(reason, problem)
     assert '/left/camera_info' in problem
 
-    calibration.take(0, make_info())
+    calibration.update(0, make_info())
     assert calibration.state[0] is not None
 
 
-def test_forgotten_calibration_must_come_again(calibration: LiveCalibration) -> None:
-    calibration.take(0, make_info())
-    calibration.take(1, make_info(right=True))
+def test_calibration_is_needed_again_after_reset(calibration: LiveCalibration) -> None:
+    calibration.update(0, make_info())
+    calibration.update(1, make_info(right=True))
 
-    calibration.forget()
+    calibration.reset()
 
     assert calibration.state[0] is None
-    assert calibration.take(0, make_info())
+    assert calibration.update(0, make_info())
 
 
-def test_camera_that_was_not_listened_to_is_confirmed_or_replaced(
+def test_wait_ends_when_the_camera_is_replaced_or_confirmed(
     calibration: LiveCalibration,
 ) -> None:
     for side in (0, 1):
-        calibration.take(side, make_info(right=bool(side)))
-    calibration.doubt()
+        calibration.update(side, make_info(right=bool(side)))
+    calibration.expect_confirmation()
     other = threading.Thread(
-        target=lambda: [calibration.take(s, make_info(right=bool(s), fx=200.0)) for s in (0, 1)]
+        target=lambda: [calibration.update(s, make_info(right=bool(s), fx=200.0)) for s in (0, 1)]
     )
     other.start()
 
@@ -116,18 +116,18 @@ def test_camera_that_was_not_listened_to_is_confirmed_or_replaced(
     other.join()
     assert camera is not None
     assert camera.fx == 200.0
-    calibration.doubt()
+    calibration.expect_confirmation()
     calibration.confirm(0)
     calibration.confirm(1)
     assert calibration.wait_for_camera(30.0) is camera
 
 
-def test_camera_that_nothing_confirms_stays(calibration: LiveCalibration) -> None:
+def test_known_camera_is_used_if_nothing_confirms_it(calibration: LiveCalibration) -> None:
     for side in (0, 1):
-        calibration.take(side, make_info(right=bool(side)))
+        calibration.update(side, make_info(right=bool(side)))
     camera, _ = calibration.state
-    calibration.doubt()
+    calibration.expect_confirmation()
 
     assert calibration.wait_for_camera(0.0) is camera
-    # And is not waited for again.
+    # The second call does not wait.
     assert calibration.wait_for_camera(30.0) is camera

@@ -8,7 +8,7 @@ import pytest
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.node.diagnostics import ERROR, OK, WARN, NodeState, Status, statuses
 from rover_obstacle_detection.node.pairing_watch import PairingWatch
-from rover_obstacle_detection.node.statistics import Snapshot
+from rover_obstacle_detection.node.statistics import DetectionFigures, Snapshot
 from rover_obstacle_detection.pairing import PairingStatistics
 
 CAMERA = StereoCamera(width=64, height=48, fx=100.0, fy=100.0, cx=31.5, cy=23.5, baseline_m=0.1)
@@ -21,10 +21,9 @@ COUNTS = Snapshot(
     bad={'ImageError': 1},
     latency_p50_ms=81.25,
     latency_p95_ms=99.0,
-    valid_share=0.963,
-    obstacle_share=0.0514,
-    rows_off_px=0.62,
-    lens_bend_px=0.25,
+    latest=DetectionFigures(
+        valid_share=0.963, obstacle_share=0.0514, rows_off_px=0.62, lens_bend_px=0.25
+    ),
 )
 PAIRING = PairingStatistics(
     left=103, right=102, pairs=101, unmatched_left=2, unmatched_right=1, pending_left=0,
@@ -32,7 +31,7 @@ PAIRING = PairingStatistics(
 )  # fmt: skip
 GOOD = NodeState(
     lifecycle='active',
-    listening=True,
+    subscribed=True,
     counts=COUNTS,
     pairing=PAIRING,
     camera=CAMERA,
@@ -44,8 +43,12 @@ def judged(**changes: Any) -> dict[str, Status]:
     return {each.task: each for each in statuses(dataclasses.replace(GOOD, **changes))}
 
 
-def counted(**changes: Any) -> Snapshot:
-    return dataclasses.replace(COUNTS, **changes)
+def counts(**changes: Any) -> dict[str, Snapshot]:
+    return {'counts': dataclasses.replace(COUNTS, **changes)}
+
+
+def figures(**changes: Any) -> dict[str, Snapshot]:
+    return counts(latest=dataclasses.replace(COUNTS.latest, **changes))
 
 
 def test_good_state_is_ok_with_all_values() -> None:
@@ -77,26 +80,21 @@ def test_good_state_is_ok_with_all_values() -> None:
 @pytest.mark.parametrize(
     ('changes', 'task', 'level', 'message'),
     [
-        ({'listening': False}, 'detection', OK, 'resting'),
-        ({'listening': False}, 'stereo input', OK, 'resting'),
+        ({'subscribed': False}, 'detection', OK, 'idle'),
+        ({'subscribed': False}, 'stereo input', OK, 'idle'),
         ({'lifecycle': 'inactive', 'pairing': None}, 'stereo input', OK, 'inactive'),
         ({'camera': None, 'calibration_problem': 'P is zero'}, 'calibration', ERROR, 'P is zero'),
-        ({'counts': counted(pair_rate_hz=0.0)}, 'stereo input', WARN, 'no images'),
+        (counts(pair_rate_hz=0.0), 'stereo input', WARN, 'no images'),
         ({'pairing_problem': '9 left, 9 right'}, 'stereo input', WARN, '9 left, 9 right'),
-        ({'counts': counted(detection_rate_hz=0.0)}, 'detection', ERROR, 'none can be used'),
-        ({'counts': counted(valid_share=0.12)}, 'detection', WARN, 'only 12%'),
+        (counts(detection_rate_hz=0.0), 'detection', ERROR, 'none is usable'),
+        (figures(valid_share=0.12), 'detection', WARN, 'only 12%'),
         ({'gravity_problem': 'no IMU'}, 'detection', WARN, 'no IMU'),
-        ({'counts': counted(rows_off_px=1.2)}, 'calibration', WARN, 'rows 1.2 px off'),
-        ({'counts': counted(lens_bend_px=3.4)}, 'calibration', WARN, '3.4 px that look like lens'),
-        (
-            {'counts': counted(lens_bend_px=3.4), 'lifecycle': 'inactive'},
-            'calibration',
-            OK,
-            'calibrated',
-        ),
+        (figures(rows_off_px=1.2), 'calibration', WARN, 'rows off by 1.2 px'),
+        (figures(lens_bend_px=3.4), 'calibration', WARN, 'lens distortion 3.4 px'),
+        (figures(lens_bend_px=3.4) | {'lifecycle': 'inactive'}, 'calibration', OK, 'calibrated'),
     ],
 )
-def test_what_is_wrong_is_said(
+def test_each_problem_has_its_level_and_message(
     changes: dict[str, Any], task: str, level: int, message: str
 ) -> None:
     status = judged(**changes)[task]
@@ -105,51 +103,50 @@ def test_what_is_wrong_is_said(
     assert message in status.message
 
 
-def test_unknown_values_are_not_made_up() -> None:
-    nothing = counted(latency_p50_ms=None, latency_p95_ms=None, valid_share=None)
-    nothing = dataclasses.replace(nothing, rows_off_px=None, lens_bend_px=None)
+def test_values_before_the_first_detection_are_unknown() -> None:
+    nothing = counts(latency_p50_ms=None, latency_p95_ms=None, latest=DetectionFigures())
 
-    values = judged(counts=nothing, pairing=None)['detection'].values
+    status = judged(**nothing, pairing=None)
 
-    assert values['latency p50 (ms)'] == 'unknown'
-    assert values['valid disparity (%)'] == 'unknown'
-    calibration = judged(counts=nothing)['calibration']
+    assert status['detection'].values['latency p50 (ms)'] == 'unknown'
+    assert status['detection'].values['valid disparity (%)'] == 'unknown'
+    calibration = status['calibration']
     assert calibration.values['rows off (px)'] == 'unknown'
     assert calibration.level == OK
 
 
 class Images:
-    """Counts that a pairing would show."""
+    """Pairing counts that grow as images arrive."""
 
     def __init__(self) -> None:
         self.counts = dataclasses.replace(PAIRING, left=0, right=0, pairs=0)
         self.watch = PairingWatch(patience_s=3.0)
 
-    def look(self, now_s: float, **more: int) -> str:
+    def check(self, now_s: float, **more: int) -> str:
         changes = {name: getattr(self.counts, name) + number for name, number in more.items()}
         self.counts = dataclasses.replace(self.counts, **changes)
-        return self.watch.look(self.counts, now_s)
+        return self.watch.check(self.counts, now_s)
 
 
-def test_images_that_never_match_are_named_after_a_while() -> None:
+def test_images_that_never_match_are_reported_after_three_seconds() -> None:
     images = Images()
 
-    lines = [images.look(float(second), left=10, right=10) for second in range(6)]
+    lines = [images.check(float(second), left=10, right=10) for second in range(6)]
 
     assert lines[:4] == [''] * 4
     assert lines[4].startswith('40 left, 40 right, 0 pairs, smallest gap 1.5 ms; try approximate')
 
 
-def test_one_eye_only_is_named() -> None:
+def test_images_of_one_camera_only_are_reported() -> None:
     images = Images()
 
-    lines = [images.look(float(second), left=10) for second in range(6)]
+    lines = [images.check(float(second), left=10) for second in range(6)]
 
-    assert lines[-1] == '50 left, 0 right, 0 pairs: nothing comes from the right eye'
+    assert lines[-1] == '50 left, 0 right, 0 pairs: no images from the right camera'
 
 
-def test_pairs_and_silence_are_well() -> None:
+def test_pairs_and_silence_are_not_reported() -> None:
     images = Images()
 
-    assert not any(images.look(float(s), left=1, right=1, pairs=1) for s in range(10))
-    assert not any(images.look(10.0 + s) for s in range(10))
+    assert not any(images.check(float(s), left=1, right=1, pairs=1) for s in range(10))
+    assert not any(images.check(10.0 + s) for s in range(10))

@@ -1,4 +1,4 @@
-"""The vertical from an IMU's messages and from TF."""
+"""Gravity from IMU messages and from TF."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def make_imu(
 
 
 @pytest.mark.parametrize('gravity_m_s2', [9.81, 3.71, 1.62])
-def test_acceleration_at_rest_points_up_on_any_planet(gravity_m_s2: float) -> None:
+def test_acceleration_at_rest_gives_up_on_any_planet(gravity_m_s2: float) -> None:
     up = Gravity.from_angles(30.0, 5.0).up
     imu = ImuGravity((0.0, 0.0, 0.0))
 
-    assert imu.take(make_imu(SECOND, tuple(gravity_m_s2 * each for each in up))) is None
+    assert imu.add(make_imu(SECOND, tuple(gravity_m_s2 * each for each in up))) is None
 
     found = imu.at(SECOND, 1.2)
     assert found is not None
@@ -48,46 +48,46 @@ def test_acceleration_at_rest_points_up_on_any_planet(gravity_m_s2: float) -> No
     assert found.height_m == 1.2
 
 
-def test_imu_mounted_as_the_rovers_body() -> None:
-    # Body axes (x forward, y left, z up) as seen from a level optical frame (z forward).
+def test_mounting_angles_rotate_the_imu_frame() -> None:
+    # Body axes (x forward, y left, z up) in a level optical frame (z forward).
     imu = ImuGravity((90.0, -90.0, 0.0))
 
-    imu.take(make_imu(SECOND, (0.0, 0.0, 9.81)))
+    imu.add(make_imu(SECOND, (0.0, 0.0, 9.81)))
 
     found = imu.at(SECOND, None)
     assert found is not None
     assert found.up == pytest.approx(Gravity.from_angles(0.0).up, abs=1e-12)
 
 
-def test_orientation_is_preferred() -> None:
+def test_orientation_is_preferred_to_acceleration() -> None:
     half = math.radians(20.0) / 2
     imu = ImuGravity((0.0, 0.0, 0.0))
 
-    imu.take(make_imu(SECOND, (9.0, 0.0, 0.0), (math.sin(half), 0.0, 0.0, math.cos(half))))
+    imu.add(make_imu(SECOND, (9.0, 0.0, 0.0), (math.sin(half), 0.0, 0.0, math.cos(half))))
 
     found = imu.at(SECOND, None)
     assert found is not None
-    # Turned by 20 degrees about x: the world's up leans towards y in the IMU's frame.
+    # Rotated by 20 degrees about x, so up leans towards y in the IMU frame.
     angle = math.radians(20.0)
     assert found.up == pytest.approx((0.0, math.sin(angle), math.cos(angle)))
 
 
-def test_shaking_is_smoothed() -> None:
+def test_acceleration_is_smoothed() -> None:
     imu = ImuGravity((0.0, 0.0, 0.0))
     shake = np.random.default_rng(1).normal(0, 3.0, (200, 3))
     for number, (x, y, z) in enumerate(shake):
-        imu.take(make_imu(SECOND + number * SECOND // 100, (x, y - 9.81, z)))
+        imu.add(make_imu(SECOND + number * SECOND // 100, (x, y - 9.81, z)))
 
     found = imu.at(3 * SECOND, None)
     assert found is not None
     assert math.degrees(math.acos(-found.up[1])) < 8.0
 
 
-def test_nearest_message_is_taken_and_none_if_too_old() -> None:
+def test_nearest_message_within_200_ms_is_used() -> None:
     imu = ImuGravity((0.0, 0.0, 0.0))
     identity, upside_down = (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)
-    imu.take(make_imu(1 * SECOND, orientation=identity))
-    imu.take(make_imu(2 * SECOND, orientation=upside_down))
+    imu.add(make_imu(1 * SECOND, orientation=identity))
+    imu.add(make_imu(2 * SECOND, orientation=upside_down))
 
     def z_at(stamp_ns: int) -> float | None:
         found = imu.at(stamp_ns, None)
@@ -99,11 +99,11 @@ def test_nearest_message_is_taken_and_none_if_too_old() -> None:
     assert ImuGravity((0.0, 0.0, 0.0)).at(SECOND, None) is None
 
 
-def test_time_that_jumps_back_forgets_the_future() -> None:
+def test_jump_back_in_time_discards_later_messages() -> None:
     imu = ImuGravity((0.0, 0.0, 0.0))
-    imu.take(make_imu(100 * SECOND, orientation=(0.0, 0.0, 0.0, 1.0)))
+    imu.add(make_imu(100 * SECOND, orientation=(0.0, 0.0, 0.0, 1.0)))
 
-    imu.take(make_imu(10 * SECOND, orientation=(0.0, 0.0, 0.0, 1.0)))
+    imu.add(make_imu(10 * SECOND, orientation=(0.0, 0.0, 0.0, 1.0)))
 
     assert imu.at(100 * SECOND, None) is None
     assert imu.at(10 * SECOND, None) is not None
@@ -117,10 +117,10 @@ def test_time_that_jumps_back_forgets_the_future() -> None:
         (make_imu(SECOND, (math.inf, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0)), 'neither'),
     ],
 )
-def test_message_without_a_vertical_is_named(message: Any, reason: str) -> None:
+def test_message_without_a_direction_is_refused(message: Any, reason: str) -> None:
     imu = ImuGravity((0.0, 0.0, 0.0))
 
-    problem = imu.take(message)
+    problem = imu.add(message)
 
     assert problem is not None
     assert reason in problem
@@ -128,12 +128,12 @@ def test_message_without_a_vertical_is_named(message: Any, reason: str) -> None:
 
 
 class TransformError(Exception):
-    """Stands for tf2_ros.TransformException."""
+    """Replaces tf2_ros.TransformException."""
 
 
 @pytest.fixture
-def tf2_ros(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A stand-in for tf2_ros, with one transform: from camera to base_link."""
+def tf2_ros(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fake tf2_ros with one transform, from camera to base_link."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
 
     class Buffer:
@@ -141,7 +141,7 @@ def tf2_ros(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
             if (target, source) != ('base_link', 'camera'):
                 msg = f'{source} does not exist'
                 raise TransformError(msg)
-            # What turns optical axes into body axes, the camera level.
+            # Optical axes to body axes of a level camera.
             rotation = SimpleNamespace(x=-0.5, y=0.5, z=-0.5, w=0.5)
             return SimpleNamespace(transform=SimpleNamespace(rotation=rotation))
 
@@ -157,11 +157,10 @@ def tf2_ros(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         Buffer=Buffer, TransformListener=TransformListener, TransformException=TransformError
     )
     monkeypatch.setitem(sys.modules, 'tf2_ros', module)
-    return SimpleNamespace()
 
 
 @pytest.mark.usefixtures('tf2_ros')
-def test_vertical_from_tf() -> None:
+def test_gravity_from_tf() -> None:
     from rover_obstacle_detection.node.tf_gravity import TfGravity
 
     tf = TfGravity(object(), 'base_link')

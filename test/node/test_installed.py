@@ -1,4 +1,4 @@
-"""The package as colcon builds it, and the node started from what it installed."""
+"""Build the package with colcon and start the node from the installed tree."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_node_starts_from_the_installed_tree(tmp_path: Path) -> None:
     )
     if listed.returncode:
         pytest.skip('needs a git clone')
-    # What is neither code nor shipped would only cost time.
+    # Bags, tests and docs are not installed.
     for name in listed.stdout.split('\0'):
         if name and not name.startswith(('bags/', 'test/', 'docs/')) and (ROOT / name).is_file():
             (source / name).parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The sample bag played into the node, and what the replay makes of the same bag."""
+"""Play bags into the node and compare its outputs with those of the replay."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OUTPUTS = {
     '/stereo/obstacle_points': 'sensor_msgs/msg/PointCloud2',
     '/stereo/ground_points': 'sensor_msgs/msg/PointCloud2',
 }
-# Slow enough for the detector to take each pair on a busy machine.
+# Slow enough to detect every pair on a busy machine.
 RATE = '0.5'
 SECOND = 1_000_000_000
 START_NS = 1_600_000_000 * SECOND
@@ -31,7 +31,7 @@ START_NS = 1_600_000_000 * SECOND
 
 @pytest.fixture(scope='module')
 def replayed(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, int], Any]:
-    """Messages that the replay writes, by topic and stamp."""
+    """Messages written by the replay, by topic and stamp."""
     folder = tmp_path_factory.mktemp('replay') / 'out'
     assert main(['replay', str(BAG), '--output', str(folder)]) == 0
     with open_bag(folder / 'detections') as bag:
@@ -59,7 +59,7 @@ def node(graph: LiveGraph, outputs: dict[str, Topic]) -> Process:
     return process
 
 
-def test_every_pair_yields_what_the_replay_writes_bit_for_bit(
+def test_node_and_replay_publish_identical_messages(
     graph: LiveGraph,
     node: Process,
     outputs: dict[str, Topic],
@@ -94,7 +94,7 @@ def short_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_loop_and_restart_of_the_player(
+def test_node_handles_loop_and_restart_of_a_bag(
     graph: LiveGraph, node: Process, outputs: dict[str, Topic], short_bag: Path
 ) -> None:
     masks = outputs['/stereo/obstacle_mask']
@@ -113,7 +113,9 @@ def test_loop_and_restart_of_the_player(
     assert 'Traceback' not in node.output
 
 
-def test_simulated_time_that_jumps_back(graph: LiveGraph, node: Process, short_bag: Path) -> None:
+def test_node_handles_simulated_time_that_jumps_back(
+    graph: LiveGraph, node: Process, short_bag: Path
+) -> None:
     masks = graph.subscribe('sensor_msgs/msg/Image', '/simulated/obstacle_mask')
     assert node.stop() == 0
     diagnostics = graph.diagnostics()
@@ -126,7 +128,7 @@ def test_simulated_time_that_jumps_back(graph: LiveGraph, node: Process, short_b
     graph.wait_for(lambda: len(masks.messages) >= 6, simulated, player)
 
     assert masks.stamps_ns[4:6] == masks.stamps_ns[0:2]
-    # Diagnostics go on, by the simulated clock.
+    # Diagnostics continue and carry simulated time.
     before = diagnostics.count
     graph.wait_for(lambda: diagnostics.count > before + 1, simulated)
     assert START_NS <= diagnostics.stamps_ns[-1] <= START_NS + SECOND

@@ -1,4 +1,4 @@
-"""Lifecycle transitions, and the end of the process, whenever it comes."""
+"""Lifecycle transitions, idle behaviour and the end of the process."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def change(graph: LiveGraph, name: str) -> bool:
 
 
 class Stream:
-    """Pairs as fast as the test comes round to it, stamped with the clock."""
+    """Sends pairs stamped with the current time."""
 
     def __init__(self, graph: LiveGraph) -> None:
         self.camera = Camera(graph)
@@ -50,14 +50,14 @@ class Stream:
 def wait_for_new_mask(graph: LiveGraph, masks: Any, stream: Stream, process: Process) -> None:
     count = len(masks.messages)
 
-    def came() -> bool:
+    def received() -> bool:
         stream.send()
         return len(masks.messages) > count
 
-    graph.wait_for(came, process)
+    graph.wait_for(received, process)
 
 
-def test_lifecycle_manager_can_hold_the_node(tmp_path: Path) -> None:
+def test_lifecycle_transitions_by_a_manager(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
         diagnostics = graph.diagnostics()
         masks = graph.subscribe('sensor_msgs/msg/Image', MASK)
@@ -92,25 +92,25 @@ def test_lifecycle_manager_can_hold_the_node(tmp_path: Path) -> None:
         assert 'Traceback' not in process.output
 
 
-def test_node_rests_while_nobody_listens(tmp_path: Path) -> None:
+def test_node_is_idle_without_subscribers(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
         diagnostics = graph.diagnostics()
         process = graph.start_node()
         stream = Stream(graph)
-        graph.wait_for(lambda: diagnostics.message('detection').startswith('resting'))
+        graph.wait_for(lambda: diagnostics.message('detection').startswith('idle'))
         assert graph.node.count_subscribers(LEFT_IMAGE) == 0
 
-        # Any output will do, and only that one is made.
+        # A subscriber to any output makes it work.
         markers = graph.subscribe('visualization_msgs/msg/MarkerArray', '/stereo/obstacle_markers')
         wait_for_new_mask(graph, markers, stream, process)
 
         graph.unsubscribe(markers)
         for topic in (LEFT_IMAGE, '/stereo/left/camera_info'):
             graph.wait_for(lambda topic=topic: graph.node.count_subscribers(topic) == 0)
-        graph.wait_for(lambda: diagnostics.message('detection').startswith('resting'))
+        graph.wait_for(lambda: diagnostics.message('detection').startswith('idle'))
         graph.wait_for(lambda: diagnostics.message('calibration') == 'calibrated')
 
-        # A camera that was changed in the meantime is noticed with the first pair.
+        # A camera changed while idle is noticed with the first pair.
         stream.view = OTHER
         masks = graph.subscribe('sensor_msgs/msg/Image', MASK)
         wait_for_new_mask(graph, masks, stream, process)
@@ -125,7 +125,7 @@ def test_node_rests_while_nobody_listens(tmp_path: Path) -> None:
     ],
     ids=lambda signals: '+'.join(each.name for each in signals),
 )
-def test_signal_during_detection_ends_it_cleanly(
+def test_signal_during_detection_exits_cleanly(
     tmp_path: Path, signals: tuple[signal.Signals, ...]
 ) -> None:
     with live_graph(tmp_path) as graph:
@@ -153,7 +153,7 @@ def test_signal_during_detection_ends_it_cleanly(
         (('--params-file', 'missing.yaml'), 'missing.yaml'),
     ],
 )
-def test_start_that_cannot_succeed_ends_in_one_line(
+def test_invalid_start_prints_one_line(
     tmp_path: Path, arguments: tuple[str, ...], reason: str
 ) -> None:
     with live_graph(tmp_path) as graph:

@@ -1,4 +1,4 @@
-"""The node under load, and without any."""
+"""The node's load: idle, steady and overloaded."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ SMALL = synthetic.render(synthetic.mast())
 SECOND = 1_000_000_000
 
 
-def test_node_without_audience_takes_less_than_3_percent_of_a_core(tmp_path: Path) -> None:
+def test_idle_node_takes_less_than_3_percent_of_a_core(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
         assert idle_cpu_share(graph, FULL, rate_hz=10.0, seconds=4.0) < 0.03
 
 
-def test_overload_takes_the_newest_pair_counts_the_others_and_passes(tmp_path: Path) -> None:
+def test_overloaded_node_detects_the_newest_pair_and_counts_the_others(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
         figures = overload(graph, MIDDLE, rate_hz=60.0, seconds=4.0)
 
@@ -34,12 +34,12 @@ def test_overload_takes_the_newest_pair_counts_the_others_and_passes(tmp_path: P
     assert np.median(figures.staleness_s) < 2 * figures.frame_s
     assert figures.dropped > 0
     assert figures.bad == 0
-    # Nothing is lost that is not counted.
+    # Every lost image is counted.
     assert figures.pairs == figures.detections + figures.dropped
     assert figures.received + figures.lost == 2 * figures.sent
 
 
-def test_five_large_pairs_a_second_arrive_all(tmp_path: Path) -> None:
+def test_no_large_pair_is_lost_at_5_hz(tmp_path: Path) -> None:
     frames = 20
     write_stereo_bag(tmp_path / 'bag', FULL, stamps_ns(frames, rate_hz=5))
 
@@ -48,12 +48,11 @@ def test_five_large_pairs_a_second_arrive_all(tmp_path: Path) -> None:
 
     assert (figures.pairs, figures.lost) == (frames, 0)
     assert figures.detections + figures.dropped == frames
-    assert figures.latency_p50_ms <= figures.latency_p95_ms
-    # The aim is 400; the planes of evidence of a large image take it to 375 to 410.
+    # Typically 375 to 410 MB at this image size.
     assert figures.end_mb < 440
 
 
-def test_memory_stays_after_the_first_fifty_pairs(tmp_path: Path) -> None:
+def test_memory_is_constant_after_50_pairs(tmp_path: Path) -> None:
     frames = 100
     write_stereo_bag(tmp_path / 'bag', SMALL, stamps_ns(frames, rate_hz=20))
 

@@ -8,17 +8,17 @@ def losses(*numbers: int | None) -> list[int]:
     return [counter.lost_before(number) for number in numbers]
 
 
-def test_counts_the_numbers_left_out() -> None:
+def test_gaps_are_counted() -> None:
     assert losses(7, 8, 10, 14, 15) == [0, 0, 1, 3, 0]
 
 
-def test_restart_of_the_publisher_is_no_loss() -> None:
+def test_restarted_publisher_is_not_a_loss() -> None:
     assert losses(500, 1, 2, 4) == [0, 0, 0, 1]
 
 
-def test_two_publishers_on_a_topic_are_no_loss() -> None:
+def test_two_publishers_are_not_a_loss() -> None:
     assert losses(5000, 1, 5001, 2, 5002) == [0, 0, 0, 0, 0]
 
 
-def test_middleware_without_numbers() -> None:
+def test_messages_without_numbers_are_not_a_loss() -> None:
     assert losses(None, None, 3, None, 9) == [0, 0, 0, 0, 0]

@@ -13,7 +13,7 @@ class Drops:
         self.count += 1
 
 
-def test_newest_item_wins_and_the_others_are_counted() -> None:
+def test_newest_item_is_kept_and_the_others_are_counted() -> None:
     drops = Drops()
     box: Mailbox[int] = Mailbox(drops)
 
@@ -24,7 +24,7 @@ def test_newest_item_wins_and_the_others_are_counted() -> None:
     assert drops.count == 4
 
 
-def test_taking_waits_for_an_item() -> None:
+def test_take_waits_for_an_item() -> None:
     box: Mailbox[str] = Mailbox(Drops())
     taken: list[str | None] = []
     taker = threading.Thread(target=lambda: taken.append(box.take()))
@@ -36,7 +36,7 @@ def test_taking_waits_for_an_item() -> None:
     assert taken == ['pair']
 
 
-def test_closing_sends_a_waiting_taker_home() -> None:
+def test_close_ends_a_waiting_take() -> None:
     drops = Drops()
     box: Mailbox[int] = Mailbox(drops)
     taken: list[int | None] = [0]
@@ -50,7 +50,7 @@ def test_closing_sends_a_waiting_taker_home() -> None:
     assert drops.count == 0
 
 
-def test_what_nobody_fetches_is_counted_at_the_end() -> None:
+def test_items_left_at_close_are_counted() -> None:
     drops = Drops()
     box: Mailbox[int] = Mailbox(drops)
 

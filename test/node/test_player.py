@@ -1,4 +1,4 @@
-"""``rover-obstacles play``: what arrives in the graph, and how it ends."""
+"""``rover-obstacles play``: published messages and exit status."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEFT = '/stereo/left/image_rect'
 INFO = '/stereo/left/camera_info'
 
 
-def test_missing_bag_and_missing_topic_are_one_line(
+def test_missing_bag_or_topic_is_a_one_line_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_rosbag1(tmp_path / 'old.bag')
@@ -34,7 +34,7 @@ def test_missing_bag_and_missing_topic_are_one_line(
 
 
 @pytest.mark.parametrize('option', ['--rate=0', '--rate=fast', '--start=-1', '--clock=0'])
-def test_wrong_call(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_usage_error(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(['play', 'bag', option])
 
@@ -58,7 +58,7 @@ def images(graph: Any) -> Any:
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Ten small pairs in nine tenths of a second."""
+    """Ten small pairs at 10 Hz."""
     import synthetic
     from live_graph import write_stereo_bag
 
@@ -68,7 +68,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_all_messages_arrive_as_recorded(graph: Any, images: Any, bag: Path) -> None:
+def test_all_messages_arrive_unchanged(graph: Any, images: Any, bag: Path) -> None:
     images.messages.clear()
     infos = graph.subscribe('sensor_msgs/msg/CameraInfo', INFO)
 
@@ -82,7 +82,7 @@ def test_all_messages_arrive_as_recorded(graph: Any, images: Any, bag: Path) -> 
     assert '40 messages published' in player.output
 
 
-def test_part_of_a_bag_some_topics(graph: Any, images: Any, bag: Path) -> None:
+def test_part_of_a_bag_and_selected_topics(graph: Any, images: Any, bag: Path) -> None:
     images.messages.clear()
     infos = graph.subscribe('sensor_msgs/msg/CameraInfo', INFO)
 
@@ -111,7 +111,7 @@ def test_remap_and_clock(graph: Any, bag: Path) -> None:
     assert START_NS <= times[0] <= times[-1] <= START_NS + SECOND
 
 
-def test_recording_of_ros_1(graph: Any, tmp_path: Path) -> None:
+def test_ros_1_bag_is_played(graph: Any, tmp_path: Path) -> None:
     write_rosbag1(tmp_path / 'old.bag')
     infos = graph.subscribe('sensor_msgs/msg/CameraInfo', '/old/camera_info')
 
@@ -120,14 +120,14 @@ def test_recording_of_ros_1(graph: Any, tmp_path: Path) -> None:
     assert player.wait() == 0
     graph.wait_for(lambda: len(infos.messages) == 2)
     assert infos.stamps_ns == [START_NS, START_NS + SECOND // 10]
-    assert (infos.messages[0].width, infos.messages[0].header.frame_id) == (64, 'eye')
+    assert (infos.messages[0].width, infos.messages[0].header.frame_id) == (64, 'left_optical')
     assert list(infos.messages[1].p) == list(range(12))
     assert list(infos.messages[1].d) == [0.5]
-    assert '/old/odd: odd_msgs/msg/Odd is not installed, not played' in player.output
+    assert '/old/odd: skipped, odd_msgs/msg/Odd is not installed' in player.output
 
 
 @pytest.mark.parametrize('signals', [(signal.SIGINT,) * 2, (signal.SIGTERM,)])
-def test_signal_while_playing_ends_it_cleanly(
+def test_signal_ends_playback_cleanly(
     graph: Any, images: Any, bag: Path, signals: tuple[signal.Signals, ...]
 ) -> None:
     images.messages.clear()
@@ -142,7 +142,7 @@ def test_signal_while_playing_ends_it_cleanly(
 
 
 def write_rosbag1(path: Path) -> None:
-    """Two calibrations, and a type that nobody has installed."""
+    """Write two calibrations, and two messages of a type that is not installed."""
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg('int32 odd', 'odd_msgs/msg/Odd'))
     types = store.types
@@ -156,7 +156,7 @@ def write_rosbag1(path: Path) -> None:
         for number in range(2):
             stamp = START_NS + number * SECOND // 10
             info = types['sensor_msgs/msg/CameraInfo'](
-                header(number, make_time(*divmod(stamp, SECOND)), 'eye'),
+                header(number, make_time(*divmod(stamp, SECOND)), 'left_optical'),
                 48,
                 64,
                 'plumb_bob',

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from rover_obstacle_detection.node.statistics import NodeStatistics
+from rover_obstacle_detection.node.statistics import DetectionFigures, NodeStatistics
 
 
 class Clock:
@@ -13,17 +13,16 @@ class Clock:
         return self.now_s
 
 
-def test_counts_are_zero_and_times_unknown_at_first() -> None:
+def test_initial_snapshot() -> None:
     snapshot = NodeStatistics().snapshot()
 
     assert (snapshot.pair_rate_hz, snapshot.detected, snapshot.dropped, snapshot.lost) == (0,) * 4
     assert snapshot.bad_frames == 0
     assert snapshot.latency_p50_ms is None
-    assert snapshot.valid_share is None
-    assert snapshot.rows_off_px is None
+    assert snapshot.latest == DetectionFigures()
 
 
-def test_rate_of_a_steady_stream_and_of_one_that_stopped() -> None:
+def test_rate_of_a_steady_and_of_a_stopped_stream() -> None:
     clock = Clock()
     statistics = NodeStatistics(clock)
     for _ in range(40):
@@ -37,23 +36,23 @@ def test_rate_of_a_steady_stream_and_of_one_that_stopped() -> None:
     assert statistics.snapshot().pair_rate_hz == 0.0
 
 
-def test_latency_percentiles_of_the_latest_detections() -> None:
+def test_latency_percentiles_cover_the_latest_100_detections() -> None:
     statistics = NodeStatistics()
+    figures = DetectionFigures(0.9, 0.05, 0.6, 0.2)
     for _ in range(200):
-        statistics.detection(9.0, 0.1, 0.0)
+        statistics.detection(9.0, DetectionFigures())
     for number in range(100):
-        statistics.detection(number / 1000, 0.9, 0.05, 0.6, 0.2)
+        statistics.detection(number / 1000, figures)
 
     snapshot = statistics.snapshot()
 
     assert snapshot.detected == 300
     assert snapshot.latency_p50_ms == pytest.approx(49.5)
     assert snapshot.latency_p95_ms == pytest.approx(94.05)
-    assert (snapshot.valid_share, snapshot.obstacle_share) == (0.9, 0.05)
-    assert (snapshot.rows_off_px, snapshot.lens_bend_px) == (0.6, 0.2)
+    assert snapshot.latest == figures
 
 
-def test_bad_frames_by_reason() -> None:
+def test_bad_frames_are_counted_by_reason() -> None:
     statistics = NodeStatistics()
     for reason in ('ImageError', 'ImageError', 'no calibration'):
         statistics.bad_frame(reason)

@@ -12,11 +12,11 @@ START_NS = 1_700_000_000_000_000_000
 
 
 @pytest.mark.parametrize(('rate', 'due_s'), [(1.0, 1.5), (2.0, 0.75), (0.5, 3.0)])
-def test_message_is_due_by_the_rate(rate: float, due_s: float) -> None:
+def test_rate_scales_the_time_a_message_is_due(rate: float, due_s: float) -> None:
     assert Timeline(START_NS, rate).due_s(START_NS + 1_500_000_000) == pytest.approx(due_s)
 
 
-def test_clock_ticks_evenly_and_tells_recorded_time() -> None:
+def test_clock_ticks_evenly_with_recorded_time() -> None:
     timeline = Timeline(START_NS, rate=2.0, clock_hz=10.0)
 
     ticks_s = [timeline.tick_s(number) for number in range(3)]
@@ -29,12 +29,12 @@ def test_clock_ticks_evenly_and_tells_recorded_time() -> None:
     ]
 
 
-def test_no_clock_never_ticks() -> None:
+def test_no_clock_message_without_a_clock_rate() -> None:
     assert Timeline(START_NS).tick_s(0) == math.inf
 
 
 @given(rate=st.floats(0.01, 100.0), offset_ns=st.integers(0, 3_600_000_000_000))
-def test_recorded_time_when_a_message_is_due_is_its_own(rate: float, offset_ns: int) -> None:
+def test_due_time_and_recorded_time_are_inverse(rate: float, offset_ns: int) -> None:
     timeline = Timeline(START_NS, rate)
 
     recorded_ns = timeline.recorded_ns(timeline.due_s(START_NS + offset_ns))

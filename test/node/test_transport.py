@@ -13,16 +13,16 @@ from rover_obstacle_detection.node.transport import (
     use_large_message_profile,
 )
 
-LARGEST_IMAGE = 1024 * 768 * 16
+LARGEST_CLOUD = 1024 * 768 * 16
 
 
 @pytest.fixture
-def plenty(monkeypatch: pytest.MonkeyPatch) -> None:
+def plenty_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport, '_free_bytes', lambda folder: 1 << 40)
 
 
-@pytest.mark.usefixtures('plenty')
-def test_profile_is_set_where_the_user_has_none(tmp_path: Path) -> None:
+@pytest.mark.usefixtures('plenty_of_memory')
+def test_shipped_profile_is_set_by_default(tmp_path: Path) -> None:
     environment: dict[str, str] = {}
 
     assert use_large_message_profile(environment, folder=tmp_path) is None
@@ -31,7 +31,7 @@ def test_profile_is_set_where_the_user_has_none(tmp_path: Path) -> None:
     assert PROFILE.is_file()
 
 
-@pytest.mark.usefixtures('plenty')
+@pytest.mark.usefixtures('plenty_of_memory')
 @pytest.mark.parametrize(
     'environment',
     [
@@ -41,7 +41,7 @@ def test_profile_is_set_where_the_user_has_none(tmp_path: Path) -> None:
         {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'},
     ],
 )
-def test_users_choice_is_left_alone(environment: dict[str, str], tmp_path: Path) -> None:
+def test_transport_chosen_by_the_user_is_kept(environment: dict[str, str], tmp_path: Path) -> None:
     before = dict(environment)
 
     assert use_large_message_profile(environment, folder=tmp_path) is None
@@ -49,8 +49,8 @@ def test_users_choice_is_left_alone(environment: dict[str, str], tmp_path: Path)
     assert environment == before
 
 
-@pytest.mark.usefixtures('plenty')
-def test_profile_in_the_working_folder_is_left_alone(tmp_path: Path) -> None:
+@pytest.mark.usefixtures('plenty_of_memory')
+def test_profile_in_the_working_directory_is_kept(tmp_path: Path) -> None:
     (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').touch()
     environment: dict[str, str] = {}
 
@@ -59,7 +59,9 @@ def test_profile_in_the_working_folder_is_left_alone(tmp_path: Path) -> None:
     assert environment == {}
 
 
-def test_too_little_shared_memory_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_little_shared_memory_is_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(transport, '_free_bytes', lambda folder: 64_000_000)
     environment: dict[str, str] = {}
 
@@ -71,7 +73,7 @@ def test_too_little_shared_memory_is_said(tmp_path: Path, monkeypatch: pytest.Mo
     assert environment == {}
 
 
-def test_missing_shared_memory_is_said(tmp_path: Path) -> None:
+def test_missing_shared_memory_is_a_warning(tmp_path: Path) -> None:
     environment: dict[str, str] = {}
 
     warning = use_large_message_profile(
@@ -82,10 +84,10 @@ def test_missing_shared_memory_is_said(tmp_path: Path) -> None:
     assert environment == {}
 
 
-def test_segment_holds_the_clouds_of_several_frames() -> None:
+def test_segment_holds_several_of_the_largest_clouds() -> None:
     root = xml.etree.ElementTree.parse(PROFILE).getroot()
     values = {each.tag.rpartition('}')[2]: each.text for each in root.iter()}
 
-    assert segment_size() >= 4 * LARGEST_IMAGE
-    assert int(values['maxMessageSize'] or 0) > LARGEST_IMAGE
+    assert segment_size() >= 4 * LARGEST_CLOUD
+    assert int(values['maxMessageSize'] or 0) > LARGEST_CLOUD
     assert values['useBuiltinTransports'] == 'false'

@@ -1,4 +1,4 @@
-"""The worker on its own: no ROS, a detector that does as it is told."""
+"""The worker without ROS, with a fake detector that the test controls."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def image() -> Any:
 
 
 class Detections:
-    """Takes the place of Detector: each `detect` waits until the test lets it go on."""
+    """Replaces Detector; each `detect` waits until the test releases it."""
 
     def __init__(self) -> None:
         self.made: list[DetectorConfig] = []
@@ -60,7 +60,7 @@ class Detections:
 
 
 class Bench:
-    """A worker with everything around it."""
+    """A worker with its surroundings."""
 
     def __init__(self) -> None:
         self.settings = Settings.from_values({})
@@ -83,8 +83,8 @@ class Bench:
         )
 
     def calibrate(self) -> None:
-        self.calibration.take(0, info())
-        self.calibration.take(1, info(right=True))
+        self.calibration.update(0, info())
+        self.calibration.update(1, info(right=True))
 
     def submit(self) -> Any:
         left = image()
@@ -115,7 +115,7 @@ def bench(detections: Detections) -> Any:
     bench.worker.stop()
 
 
-def test_newest_pair_is_next_and_the_others_are_counted(
+def test_newest_pair_is_detected_and_the_others_are_counted(
     bench: Bench, detections: Detections
 ) -> None:
     bench.calibrate()
@@ -128,11 +128,11 @@ def test_newest_pair_is_next_and_the_others_are_counted(
 
     assert bench.published == [first, headers[-1]]
     assert bench.statistics.snapshot().dropped == 3
-    assert bench.statistics.snapshot().rows_off_px == 0.5
-    assert bench.statistics.snapshot().lens_bend_px > 0
+    assert bench.statistics.snapshot().latest.rows_off_px == 0.5
+    assert bench.statistics.snapshot().latest.lens_bend_px > 0
 
 
-def test_changed_settings_hold_from_the_next_pair(bench: Bench, detections: Detections) -> None:
+def test_changed_settings_apply_to_the_next_pair(bench: Bench, detections: Detections) -> None:
     bench.calibrate()
     detections.go_on.release(3)
     for max_step in (0.1, 0.1, 0.3):
@@ -144,7 +144,7 @@ def test_changed_settings_hold_from_the_next_pair(bench: Bench, detections: Dete
     assert [config.max_step for config in detections.made] == [0.1, 0.3]
 
 
-def test_error_in_the_detector_costs_one_pair(bench: Bench, detections: Detections) -> None:
+def test_detector_error_costs_one_pair(bench: Bench, detections: Detections) -> None:
     bench.calibrate()
     detections.failures.append(ZeroDivisionError('unforeseen'))
     detections.go_on.release(2)
@@ -159,10 +159,10 @@ def test_error_in_the_detector_costs_one_pair(bench: Bench, detections: Detectio
     assert bench.statistics.snapshot().bad == {'ZeroDivisionError': 1}
 
 
-def test_calibration_that_comes_a_little_late_is_waited_for(
+def test_worker_waits_for_a_late_calibration(
     bench: Bench, detections: Detections, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, 'CALIBRATION_PATIENCE_S', 30.0)
+    monkeypatch.setattr(module, 'CALIBRATION_TIMEOUT_S', 30.0)
     detections.go_on.release()
 
     header = bench.submit()
@@ -172,17 +172,19 @@ def test_calibration_that_comes_a_little_late_is_waited_for(
     assert bench.published == [header]
 
 
-def test_no_calibration_is_said_and_counted(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, 'CALIBRATION_PATIENCE_S', 0.0)
+def test_missing_calibration_is_named_and_counted(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, 'CALIBRATION_TIMEOUT_S', 0.0)
 
     bench.submit()
     assert bench.done.acquire(timeout=30)
 
-    assert bench.warnings[0].startswith('no calibration: nothing came on /left/info')
+    assert bench.warnings[0].startswith('no calibration: nothing received on /left/info')
     assert bench.statistics.snapshot().bad == {'no calibration': 1}
 
 
-def test_stop_waits_for_the_detection_that_runs(bench: Bench, detections: Detections) -> None:
+def test_stop_waits_for_the_running_detection(bench: Bench, detections: Detections) -> None:
     bench.calibrate()
     header = bench.submit()
     assert detections.entered.acquire(timeout=30)

@@ -69,7 +69,7 @@ def idle_cpu_share(graph: LiveGraph, view: Any, *, rate_hz: float, seconds: floa
     graph.wait_for(lambda: time.monotonic() - started_s > seconds, process)
     share = (process.cpu_s() - before_s) / (time.monotonic() - started_s)
     driver.stop()
-    assert diagnostics.message('detection').startswith('resting')
+    assert diagnostics.message('detection').startswith('idle')
     return share
 
 
