@@ -1,1 +1,1 @@
-"""Figures against labels: what a detector finds, misses and invents."""
+"""Scoring of detectors against labels."""

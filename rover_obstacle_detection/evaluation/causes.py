@@ -1,4 +1,4 @@
-"""Why an obstacle was missed or invented: the likeliest cause that can be measured."""
+"""The most likely measurable cause of a missed obstacle or a false alarm."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.evaluation.disparity_error import seen_by_both, true_disparity
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import ROCK, SLOPE
 from rover_obstacle_detection.evaluation.surroundings import (
@@ -24,24 +23,32 @@ from rover_obstacle_detection.evaluation.surroundings import (
     slope_deg,
     top,
 )
+from rover_obstacle_detection.evaluation.true_disparity import true_disparity, visible_in_both
 from rover_obstacle_detection.evaluation.vertical import angle_between_deg, angles_deg
 
 MISSED_ROCK, MISSED_AREA, FALSE_ALARM = 'missed rock', 'missed slope or drop', 'false alarm'
 
+# A property applies to a part if at least this share of its pixels has it.
 MIN_SHARE = 0.5
+# Smaller height and disparity errors are measurement noise.
 MIN_DIFFERENCE_M = 0.01
 MIN_OFF_PX = 1.0
+# Smaller errors of the vertical do not change what counts as a slope or a drop.
 MIN_TILT_DEG = 2.0
+# Grey levels of 255: the mean of a shadow, and the 10-90 % spread of a textureless surface.
 DARK_GREY_LEVEL = 30.0
 LITTLE_TEXTURE = 3.0
+# An obstacle with less than this flagged counts as missed entirely.
 SMALL_FLAGGED_SHARE = 0.1
+# A false alarm this close to a rock is attributed to it.
 BESIDE_PX = 5
+# Quantile of the disparity errors that shows the tail of the noise.
 TAIL_SHARE = 0.9
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause: its name, the same for all of its kind, and what was measured."""
+    """A cause: a name to count by, and the measurements behind it."""
 
     name: str
     detail: str = ''
@@ -51,7 +58,7 @@ class Cause:
 
 
 class FrameCauses:
-    """Finds the causes of what is wrong in one frame.
+    """Finds the causes of the faults in one frame.
 
     Parameters
     ----------
@@ -59,52 +66,58 @@ class FrameCauses:
     frame : LabelledFrame
         With depth.
 
+    Raises
+    ------
+    ValueError
+        If the frame has no depth.
+
     Notes
     -----
-    The detector's height H over its local ground G is that of a point over its ground plane less
-    that of G. Both can be told apart from the truth: the points by the true depth, the ground by
-    the true ground around.
+    A detected height is the height of a point minus that of its local ground. Ground truth shows
+    which of the two is wrong: the true depth checks the point, the true ground around the
+    obstacle checks the local ground.
     """
 
     def __init__(self, detection: Detection, frame: LabelledFrame) -> None:
         if frame.depth_m is None:
-            msg = 'causes cannot be told without depth'
+            msg = 'finding causes needs true depth'
             raise ValueError(msg)
         self._depth_m = frame.depth_m
         self._detection = detection
         self._frame = frame
         self._limit_m = detection.config.max_step
         self._truth = true_disparity(frame.depth_m, frame.camera)
-        self._seen_by_both = seen_by_both(self._truth, frame.camera)
+        self._visible_in_both = visible_in_both(self._truth, frame.camera)
         self._true_points = reproject(np.nan_to_num(self._truth), frame.camera)
         plane = detection.ground
-        self._seen_m = _over(plane, detection.points)
+        self._measured_m = _over(plane, detection.points)
         self._true_m = _over(plane, self._true_points)
         self._around = Surroundings(
             self._true_points, self._true_m, frame.instances == 0, plane, frame.camera
         )
 
     def vertical(self) -> str | None:
-        """Say how far off the estimated vertical is, where it is known and far off."""
+        """Describe the error of the estimated vertical; None if small or unknown."""
         gravity = self._frame.gravity
         if gravity is None:
             return None
         tilt_deg = angle_between_deg(gravity, self._detection.ground.up)
         if tilt_deg < MIN_TILT_DEG:
             return None
-        true_deg, seen_deg = angles_deg(gravity.up), angles_deg(self._detection.ground.up)
-        pitch_deg, roll_deg = (seen - true for seen, true in zip(seen_deg, true_deg, strict=True))
-        return f'pitch off by {pitch_deg:+.1f} degrees, roll by {roll_deg:+.1f}'
+        true_pitch_deg, true_roll_deg = angles_deg(gravity.up)
+        pitch_deg, roll_deg = angles_deg(self._detection.ground.up)
+        pitch = f'pitch off by {pitch_deg - true_pitch_deg:+.1f} degrees'
+        return f'{pitch}, roll by {roll_deg - true_roll_deg:+.1f}'
 
     def of(self, kind: str, inside: NDArray[np.bool_]) -> Cause:
-        """Find the likeliest cause of one fault.
+        """Find the most likely cause of one fault.
 
         Parameters
         ----------
         kind : str
             As in `Fault`.
         inside : ndarray of bool, shape (height, width)
-            Pixels of the obstacle missed, or of the false alarm.
+            Pixels of the missed obstacle or of the false alarm.
         """
         finders: dict[str, Callable[[NDArray[np.bool_]], Cause]] = {
             MISSED_ROCK: self._of_missed_rock,
@@ -114,57 +127,56 @@ class FrameCauses:
         return finders[kind](inside)
 
     def _of_missed_rock(self, inside: NDArray[np.bool_]) -> Cause:
-        if (cause := self._unseen(inside)) is not None:
+        if (cause := self._not_judged(inside)) is not None:
             return cause
         judged = inside & self._judged
         measured_m = top(self._detection.height[judged])
         ground_m = self._around.ground(inside)
         if ground_m is None:
-            said = f'{self._measured(measured_m)}, hardly any ground is seen around it'
+            said = f'{self._measured(measured_m)}, too little visible ground around it'
             return Cause('measured too low', said)
         true_m = top((self._true_m - ground_m)[inside])
         said = self._measured(measured_m, true_m)
         share = self._flagged_share(inside)
         if share >= SMALL_FLAGGED_SHARE:
-            return Cause('found in part', f'{_percent(share)} of it flagged, {said}')
+            return Cause('partly found', f'{_percent(share)} flagged, {said}')
         if true_m < self._limit_m:
-            return Cause('low above the ground around it', said)
-        lacking_m = true_m - measured_m
-        ground_error_m = median((self._seen_m - self._detection.height - ground_m)[judged])
-        matched_error_m = top(self._seen_m[judged]) - top(self._true_m[judged])
+            return Cause('low above the surrounding ground', said)
+        missing_m = true_m - measured_m
+        ground_error_m = median((self._measured_m - self._detection.height - ground_m)[judged])
+        matched_error_m = top(self._measured_m[judged]) - top(self._true_m[judged])
         for name, error_m, words in (
-            ('ground too high', ground_error_m, 'estimated {} too high under it'),
-            ('flattened by matching', -matched_error_m, 'its top matched {} too low'),
+            ('ground estimated too high', ground_error_m, 'by {}'),
+            ('flattened by matching', -matched_error_m, 'top {} too low'),
         ):
-            if error_m > max(MIN_DIFFERENCE_M, lacking_m / 2):
+            if error_m > max(MIN_DIFFERENCE_M, missing_m / 2):
                 return Cause(name, f'{words.format(_centimetres(error_m))}, {said}')
-        name = 'hardly over the limit' if measured_m > self._limit_m else 'measured too low'
+        name = 'just above the limit' if measured_m > self._limit_m else 'measured too low'
         return Cause(name, said)
 
     def _of_missed_area(self, inside: NDArray[np.bool_]) -> Cause:
-        if (cause := self._unseen(inside)) is not None:
+        if (cause := self._not_judged(inside)) is not None:
             return cause
-        flagged = f'{_percent(self._flagged_share(inside))} of it flagged'
+        flagged = f'{_percent(self._flagged_share(inside))} flagged'
         is_slope = np.mean(self._frame.labels[inside] == SLOPE) >= MIN_SHARE
         if is_slope and (tilt := self.vertical()) is not None:
-            return Cause('vertical off', f'{tilt}, {flagged}')
+            return Cause('vertical estimate off', f'{tilt}, {flagged}')
         if is_slope:
             up = self._detection.ground.up
             measured_deg = slope_deg(self._detection.points[inside & self._judged], up)
             true_up = up if self._frame.gravity is None else self._frame.gravity.up
             true_deg = slope_deg(self._true_points[inside], true_up)
             limit_deg = self._detection.config.max_slope
-            said = f'{true_deg:.0f} degrees, measured {measured_deg:.0f}, limit {limit_deg:g}'
-            name = 'measured too flat' if measured_deg < limit_deg else 'found in part'
+            said = f'true {true_deg:.0f} degrees, measured {measured_deg:.0f}, limit {limit_deg:g}'
+            name = 'measured too flat' if measured_deg < limit_deg else 'partly found'
             return Cause(name, f'{said}, {flagged}')
         ground_m = self._around.ground(inside)
         if ground_m is None:
             return Cause('drop not recognised', flagged)
         true_m = -median((self._true_m - ground_m)[inside])
-        measured_m = -median((self._seen_m - ground_m)[inside & self._judged])
-        said = f'{_centimetres(true_m)} below what is around it'
-        said = f'{said}, measured {_centimetres(measured_m)}, limit {_centimetres(self._limit_m)}'
-        return Cause('drop not recognised', f'{said}, {flagged}')
+        measured_m = -median((self._measured_m - ground_m)[inside & self._judged])
+        depths = f'true depth {_centimetres(true_m)}, {self._measured(measured_m)}'
+        return Cause('drop not recognised', f'{depths}, {flagged}')
 
     def _of_false_alarm(self, inside: NDArray[np.bool_]) -> Cause:
         detection = self._detection
@@ -174,54 +186,53 @@ class FrameCauses:
         rock = inside & (self._frame.instances > 0)
         if rock.sum() >= MIN_SHARE * inside.sum() and ground_m is not None:
             true_m = top((self._true_m - ground_m)[rock])
-            return Cause('rock under the limit', self._measured(measured_m, true_m))
+            return Cause('rock below the limit', self._measured(measured_m, true_m))
         matched = inside & (detection.disparity > 0)
         cue = self._cue(inside)
         if matched.sum() < MIN_SHARE * inside.sum():
             return Cause('no match', f'{cue}, {self._looks(inside)}')
         if ('slope' in cue or 'drop' in cue) and (tilt := self.vertical()) is not None:
-            return Cause('vertical off', f'{cue}, {tilt}')
+            return Cause('vertical estimate off', f'{cue}, {tilt}')
         off_px = median((detection.disparity - self._truth)[matched])
-        raised_m = median((self._seen_m - self._true_m)[matched])
-        said = f'{cue}, measured {_centimetres(measured_m)} high'
+        raised_m = median((self._measured_m - self._true_m)[matched])
+        said = f'{cue}, measured height {_centimetres(measured_m)}'
         if abs(off_px) >= MIN_OFF_PX or raised_m > max(MIN_DIFFERENCE_M, measured_m / 2):
-            wrong = f'disparity off by {off_px:+.1f} px, {_centimetres(raised_m)} in height'
-            return Cause('false match', f'{wrong}, {said}, {self._looks(inside)}')
+            error = f'disparity off by {off_px:+.1f} px, height by {_centimetres(raised_m)}'
+            return Cause('false match', f'{error}, {said}, {self._looks(inside)}')
         if ground_m is not None:
-            error_m = median((self._seen_m - detection.height - ground_m)[judged])
+            error_m = median((self._measured_m - detection.height - ground_m)[judged])
             if -error_m > max(MIN_DIFFERENCE_M, measured_m / 3):
-                low = f'estimated {_centimetres(-error_m)} too low'
-                return Cause('ground too low', f'{low}, {said}')
+                return Cause('ground estimated too low', f'by {_centimetres(-error_m)}, {said}')
         if self._touches_rock(inside):
-            return Cause('beside a rock', said)
+            return Cause('next to a rock', said)
         tail_px = quantile(np.abs((detection.disparity - self._truth)[matched]), TAIL_SHARE)
-        off = f'disparity off by {off_px:+.1f} px, in a tenth of it by over {tail_px:.1f} px'
-        return Cause('noise', f'{off}, {said}, {self._looks(inside)}')
+        error = f'disparity off by {off_px:+.1f} px, 10 % of it by over {tail_px:.1f} px'
+        return Cause('noise', f'{error}, {said}, {self._looks(inside)}')
 
     @cached_property
     def _judged(self) -> NDArray[np.bool_]:
         return self._detection.known & np.isfinite(self._detection.height)
 
-    def _unseen(self, inside: NDArray[np.bool_]) -> Cause | None:
-        """Tell what was not matched or not judged from what was."""
+    def _not_judged(self, inside: NDArray[np.bool_]) -> Cause | None:
+        """Return why most of a part was not judged; None if it was."""
         pixels = inside.sum()
         if (inside & self._judged).sum() >= MIN_SHARE * pixels:
             return None
         matched = float((inside & (self._detection.disparity > 0)).sum() / pixels)
         if matched < MIN_SHARE:
             said = f'{_percent(matched)} of its pixels have a disparity'
-            hidden = (inside & ~self._seen_by_both).sum() >= MIN_SHARE * pixels
-            name = 'not seen by the right eye' if hidden else 'not matched'
-            return Cause(name, said if hidden else f'{said}, {self._looks(inside)}')
-        farthest_m = self._detection.config.max_range
-        if median(self._depth_m[inside]) > farthest_m:
-            return Cause('outside the judged range', f'max_range is {farthest_m:g} m')
+            if (inside & ~self._visible_in_both).sum() >= MIN_SHARE * pixels:
+                return Cause('not visible in the right image', said)
+            return Cause('not matched', f'{said}, {self._looks(inside)}')
+        max_range_m = self._detection.config.max_range
+        if median(self._depth_m[inside]) > max_range_m:
+            return Cause('beyond the detection range', f'max_range {max_range_m:g} m')
         noise_m = median(self._detection.height_noise[inside])
-        return Cause('outside the judged range', f'noise of a height {_centimetres(noise_m)}')
+        return Cause('beyond the detection range', f'height noise {_centimetres(noise_m)}')
 
     def _measured(self, measured_m: float, true_m: float | None = None) -> str:
         said = f'measured {_centimetres(measured_m)}, limit {_centimetres(self._limit_m)}'
-        return said if true_m is None else f'{_centimetres(true_m)} high, {said}'
+        return said if true_m is None else f'true height {_centimetres(true_m)}, {said}'
 
     def _flagged_share(self, inside: NDArray[np.bool_]) -> float:
         return float(np.mean(self._detection.mask[inside] != 0))
@@ -235,13 +246,13 @@ class FrameCauses:
         return f'no texture: {level}' if spread < LITTLE_TEXTURE else level
 
     def _cue(self, inside: NDArray[np.bool_]) -> str:
-        """Name the cue that made most of its pixels obstacles."""
+        """Name the cue that flagged most of a part."""
         cues = self._detection.cues[inside]
         counts = {cue: int(np.count_nonzero(cues & cue)) for cue in Cue}
         best = max(counts, key=lambda cue: counts[cue])
         if not counts[best]:
-            return 'flagged by its outline alone'
-        return f'flagged by its {str(best.name).lower().replace("_", " ")}'
+            return 'flagged by outline alone'
+        return f'flagged by {str(best.name).lower().replace("_", " ")}'
 
     def _touches_rock(self, inside: NDArray[np.bool_]) -> bool:
         rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
@@ -255,7 +266,7 @@ class FrameCauses:
 
 
 def _over(plane: GroundPlane, points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Height of points over a plane, metres; NaN where there is none."""
+    """Height of points above a plane, metres; NaN where there is no point."""
     normal = np.asarray(plane.normal, np.float32)
     return np.asarray(points @ normal + np.float32(plane.height_m), np.float32)
 

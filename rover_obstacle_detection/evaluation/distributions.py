@@ -1,4 +1,4 @@
-"""Roughness and elevation step on obstacles and on free ground (study, section 5.1)."""
+"""Roughness and elevation step on free ground and on obstacles (study, section 5.1)."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ EDGES_M = np.concatenate(([0.0], np.geomspace(1e-5, 1.0, 101), [np.inf]))
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """How often each value of a terrain measure occurs on free ground and on obstacles.
+    """Histograms of a terrain measure on free ground and on obstacles; adding two pools them.
 
     Parameters
     ----------
     free, obstacle : ndarray of int, shape (102,)
-        Pixels in each of the spans between ``EDGES_M``: 20 a decade from 0.01 mm to 1 m, below
-        and above.
+        Pixels per bin of ``EDGES_M``: 20 bins a decade from 0.01 mm to 1 m, one below, one above.
     """
 
     free: NDArray[np.intp]
@@ -29,7 +28,7 @@ class Distribution:
 
     @classmethod
     def of(cls, values_m: NDArray[np.float32], labels: NDArray[np.uint8]) -> Distribution:
-        """Count the values of a frame; NaN and what is not counted are left out."""
+        """Count the values of one frame, without NaN and uncounted pixels."""
         known = np.isfinite(values_m)
         return cls(
             free=np.histogram(values_m[known & (labels == FREE)], EDGES_M)[0],
@@ -41,14 +40,14 @@ class Distribution:
 
     @cached_property
     def separation(self) -> float | None:
-        """Chance that an obstacle pixel's value is over a free one's: 0.5 tells nothing."""
+        """Probability that an obstacle pixel exceeds a free one (area under the ROC curve)."""
         if not self.free.sum() or not self.obstacle.sum():
             return None
         below = np.cumsum(self.free) - self.free / 2
         return float((self.obstacle * below).sum() / (self.free.sum() * self.obstacle.sum()))
 
     def share_over(self, threshold_m: float) -> tuple[float | None, float | None]:
-        """Share of free and of obstacle pixels over a threshold, to a twentieth of a decade."""
+        """Shares of free and of obstacle pixels above a threshold, to 1/20 decade."""
         first = int(np.searchsorted(EDGES_M, threshold_m))
         free, obstacle = (
             float(counts[first:].sum() / counts.sum()) if counts.sum() else None
@@ -57,7 +56,7 @@ class Distribution:
         return free, obstacle
 
     def quantile(self, counts: NDArray[np.intp], share: float) -> float | None:
-        """Value under which a share of the counts lies: the upper edge of its span."""
+        """Quantile of one of the histograms, rounded up to the bin edge, metres."""
         if not counts.sum():
             return None
         index = int(np.searchsorted(np.cumsum(counts), share * counts.sum()))
@@ -66,7 +65,7 @@ class Distribution:
 
 @dataclass(frozen=True, eq=False)
 class TerrainDistributions:
-    """Both measures of one method."""
+    """Roughness and elevation step of one method."""
 
     roughness: Distribution
     step: Distribution

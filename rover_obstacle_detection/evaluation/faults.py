@@ -1,4 +1,4 @@
-"""What is wrong with a mask, obstacle by obstacle."""
+"""Missed obstacles and false alarms of a mask, one by one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rover_obstacle_detection.evaluation.figures import (
 
 @dataclass(frozen=True)
 class Fault:
-    """An obstacle that was missed, or one that is none.
+    """A missed obstacle or a false alarm.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ class Fault:
         ``missed rock``, ``missed slope or drop`` or ``false alarm``.
     pixels : int
     distance_m : float, optional
-        Median along the optical axis, where the depth is known.
+        Median depth along the optical axis; None without depth.
     cause : Cause, optional
-        The likeliest that could be measured.
+        Most likely cause, if determined.
     """
 
     kind: str
@@ -57,16 +57,16 @@ def find_faults(
     depth_m: NDArray[np.float32] | None = None,
     causes: FrameCauses | None = None,
 ) -> tuple[Fault, ...]:
-    """List the obstacles missed and the false alarms of a frame, largest first.
+    """List the missed obstacles and the false alarms of a frame, largest first.
 
     Parameters
     ----------
     mask, labels, instances : ndarray, shape (height, width)
         As for `score`.
     depth_m : ndarray of float32, shape (height, width), optional
-        NaN where there is none.
+        NaN where there is no surface.
     causes : FrameCauses, optional
-        Of the detection that the mask is of.
+        Made from the detection that the mask belongs to.
     """
     flagged = mask != 0
     rocks, areas = rocks_to_find(labels, instances), areas_to_find(labels)
@@ -80,7 +80,7 @@ def find_faults(
 
 
 def median_distance_m(depth_m: NDArray[np.float32]) -> float | None:
-    """Median of the depths that are known; None without any."""
+    """Median of the known depths; None if there is none."""
     known = depth_m[np.isfinite(depth_m)]
     return float(np.median(known)) if known.size else None
 

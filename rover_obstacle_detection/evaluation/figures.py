@@ -1,4 +1,4 @@
-"""The figures of one frame, and their sum over many."""
+"""Pixel, obstacle and false-alarm figures of a mask against labels."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from rover_obstacle_detection.evaluation.labels import (
     is_obstacle,
 )
 
+# Pixels. Smaller rocks, areas and blobs show too little to be scored as objects.
 MIN_ROCK_PIXELS = 200
 MIN_AREA_PIXELS = 2000
-MIN_FOUND_SHARE = 0.5
 MIN_FALSE_ALARM_PIXELS = 100
+# An obstacle is found if at least this share of it is flagged.
+MIN_FOUND_SHARE = 0.5
+# A blob with less than this share on obstacles or uncounted pixels is a false alarm.
 MAX_FALSE_ALARM_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Counts over one or more frames; sums of two are counts over both.
+    """Counts over one or more frames; adding two pools them.
 
     A ratio without a denominator is None: a frame without obstacles has no recall.
 
@@ -36,12 +39,17 @@ class Figures:
     true_positives, false_positives, false_negatives, true_negatives : int
         Counted pixels.
     rocks, rocks_found : int
-        Rock instances with at least 200 counted pixels, and those at least half flagged.
+        Rock instances with at least 200 counted pixels; those at least half flagged.
     areas, areas_found : int
-        Connected slope or drop areas of at least 2,000 pixels, and those at least half flagged.
+        Connected slope or drop areas of at least 2,000 pixels; those at least half flagged.
     false_alarms : int
-        Connected predicted blobs with at least 100 counted pixels and under a tenth of their
-        pixels on obstacles or pixels that are not counted.
+        Connected flagged blobs with at least 100 counted pixels, of which less than 10 % lies on
+        obstacles or uncounted pixels.
+    called_free : int
+        Obstacle pixels that the method reports as known and does not flag.
+    checked_obstacle_pixels : int
+        Obstacle pixels in the frames where the method reports what is known; 0 for a method
+        that never does.
     """
 
     frames: int = 0
@@ -54,6 +62,8 @@ class Figures:
     areas: int = 0
     areas_found: int = 0
     false_alarms: int = 0
+    called_free: int = 0
+    checked_obstacle_pixels: int = 0
 
     def __add__(self, other: Figures) -> Figures:
         return Figures(
@@ -62,7 +72,7 @@ class Figures:
 
     @property
     def precision(self) -> float | None:
-        """Share of the flagged pixels that are obstacles."""
+        """Share of the flagged pixels on obstacles."""
         return _ratio(self.true_positives, self.true_positives + self.false_positives)
 
     @property
@@ -89,7 +99,7 @@ class Figures:
 
     @property
     def obstacles(self) -> int:
-        """Rocks and areas large enough to count as an obstacle to be found."""
+        """Rocks and areas large enough to count as obstacles."""
         return self.rocks + self.areas
 
     @property
@@ -104,8 +114,13 @@ class Figures:
 
     @property
     def false_alarms_per_frame(self) -> float | None:
-        """Mean number of false alarms in a frame."""
+        """Mean number of false alarms per frame."""
         return _ratio(self.false_alarms, self.frames)
+
+    @property
+    def called_free_share(self) -> float | None:
+        """Share of the obstacle pixels called free; None if no method reported what is known."""
+        return _ratio(self.called_free, self.checked_obstacle_pixels)
 
 
 _COUNTS = fields(Figures)
@@ -115,22 +130,25 @@ def score(
     mask: NDArray[np.uint8] | NDArray[np.bool_],
     labels: NDArray[np.uint8],
     instances: NDArray[np.uint16],
+    known: NDArray[np.bool_] | None = None,
 ) -> Figures:
-    """Count what a mask gets right in one labelled frame.
+    """Score a mask against the labels of one frame.
 
     Parameters
     ----------
     mask : ndarray of uint8 or bool, shape (height, width)
-        Not zero where an obstacle is predicted.
+        Nonzero where an obstacle is predicted.
     labels : ndarray of uint8, shape (height, width)
         0 free, 1 rock, 2 slope, 3 drop, 255 not counted.
     instances : ndarray of uint16, shape (height, width)
-        0 where there is no rock, else the rock's number.
+        Number of the rock; 0 elsewhere.
+    known : ndarray of bool, shape (height, width), optional
+        Pixels that the method could judge; None if it does not report them.
 
     Raises
     ------
     ValueError
-        If the shapes differ.
+        If mask, labels and instances differ in shape.
     """
     if not mask.shape == labels.shape == instances.shape:
         msg = f'mask {mask.shape}, labels {labels.shape} and instances {instances.shape} differ'
@@ -152,19 +170,21 @@ def score(
         areas=len(areas.numbers),
         areas_found=int(are_found(areas, flagged).sum()),
         false_alarms=len(false_alarms(flagged, labels).numbers),
+        called_free=0 if known is None else int(np.count_nonzero(known & obstacle & ~flagged)),
+        checked_obstacle_pixels=0 if known is None else actual,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Numbered parts of an image.
+    """Selected components of a numbered image.
 
     Parameters
     ----------
     numbers : ndarray of int
-        Of the parts that are meant.
+        Numbers of the selected components.
     image : ndarray of int, shape (height, width)
-        Number of each pixel's part; also of others.
+        Component number of each pixel, including components not selected.
     """
 
     numbers: NDArray[np.intp]
@@ -172,19 +192,19 @@ class Parts:
 
 
 def rocks_to_find(labels: NDArray[np.uint8], instances: NDArray[np.uint16]) -> Parts:
-    """Find the rocks that are obstacles and large enough in the image to be looked for."""
+    """Select the rocks labelled as obstacles that are large enough in the image to count."""
     rocks = np.where(labels == ROCK, instances, 0)
     return Parts(_large(rocks, MIN_ROCK_PIXELS), rocks)
 
 
 def areas_to_find(labels: NDArray[np.uint8]) -> Parts:
-    """Find the connected areas of slope or drop that are large enough to be looked for."""
+    """Select the connected slope or drop areas that are large enough to count."""
     areas = connected((labels == SLOPE) | (labels == DROP))
     return Parts(_large(areas, MIN_AREA_PIXELS), areas)
 
 
 def are_found(obstacles: Parts, flagged: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which of the obstacles have at least half of their pixels flagged."""
+    """Mark the selected obstacles of which at least half is flagged."""
     pixels = np.bincount(obstacles.image.ravel())
     hits = np.bincount(obstacles.image[flagged], minlength=len(pixels))
     found: NDArray[np.bool_] = (hits >= MIN_FOUND_SHARE * pixels)[obstacles.numbers]
@@ -192,7 +212,7 @@ def are_found(obstacles: Parts, flagged: NDArray[np.bool_]) -> NDArray[np.bool_]
 
 
 def false_alarms(flagged: NDArray[np.bool_], labels: NDArray[np.uint8]) -> Parts:
-    """Find the predicted blobs that are false alarms."""
+    """Select the flagged blobs that are false alarms."""
     blobs = connected(flagged)
     count = int(blobs.max()) + 1
     counted = is_counted(labels)

@@ -1,4 +1,4 @@
-"""A stereo pair with its truth."""
+"""A stereo pair with ground truth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 
 @dataclass(frozen=True, eq=False)
 class LabelledFrame:
-    """A rectified pair, and what is known about each pixel of its left image.
+    """A rectified stereo pair with ground truth for each pixel of the left image.
 
     Parameters
     ----------
@@ -25,11 +25,11 @@ class LabelledFrame:
     labels : ndarray of uint8, shape (height, width)
         0 free, 1 rock, 2 slope, 3 drop, 255 not counted.
     instances : ndarray of uint16, shape (height, width)
-        0 where there is no rock, else the rock's number.
+        Number of the rock; 0 elsewhere.
     depth_m : ndarray of float32, shape (height, width), optional
-        Along the optical axis; NaN where there is no surface.
+        Depth along the optical axis; NaN where there is no surface.
     gravity : Gravity, optional
-        The true vertical.
+        True vertical.
     """
 
     stamp_ns: int

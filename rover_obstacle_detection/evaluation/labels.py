@@ -1,4 +1,4 @@
-"""What the pixels of a labelled frame mean."""
+"""Label values of a labelled frame."""
 
 from __future__ import annotations
 
@@ -14,18 +14,16 @@ NOT_COUNTED = 255
 
 
 def is_counted(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Tell the pixels that figures are made of."""
-    counted: NDArray[np.bool_] = labels != NOT_COUNTED
-    return counted
+    """Mark the pixels that count in the figures."""
+    return np.asarray(labels != NOT_COUNTED)
 
 
 def is_obstacle(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Tell the pixels of rocks, slopes and drops."""
-    obstacle: NDArray[np.bool_] = (labels != FREE) & (labels != NOT_COUNTED)
-    return obstacle
+    """Mark the pixels of rocks, slopes and drops."""
+    return np.asarray((labels != FREE) & (labels != NOT_COUNTED))
 
 
 def connected(area: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Give the 8-connected parts of an area numbers from 1 up; 0 is outside."""
+    """Give the 8-connected components of an area numbers from 1; 0 is outside."""
     _, numbers = cv2.connectedComponents(area.astype(np.uint8), connectivity=8)
     return np.asarray(numbers, np.int32)

@@ -1,4 +1,4 @@
-"""What keeps the overlap of a mask from being perfect: obstacles missed, invented, badly drawn."""
+"""What lowers the IoU: missed obstacles, false blobs, inaccurate outlines."""
 
 from __future__ import annotations
 
@@ -8,31 +8,30 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.evaluation.figures import (
-    MAX_FALSE_ALARM_SHARE,
-    MIN_FOUND_SHARE,
-)
+from rover_obstacle_detection.evaluation.figures import MAX_FALSE_ALARM_SHARE, MIN_FOUND_SHARE
 from rover_obstacle_detection.evaluation.labels import ROCK, connected, is_counted, is_obstacle
 
 
 @dataclass(frozen=True)
 class Losses:
-    """Pixels of the union of mask and obstacles, by what became of them; sums are over both.
+    """Pixels in the union of mask and obstacles, by outcome; adding two pools them.
+
+    Unlike `Figures`, obstacles and blobs of any size count.
 
     Parameters
     ----------
     hit : int
-        In both.
+        Flagged, on obstacles.
     missed : int
-        Not flagged, on obstacles of any size of which less than half is flagged.
+        Not flagged, on obstacles of which less than half is flagged.
     invented : int
-        Flagged, free, in blobs of any size that are hardly on obstacles.
+        Flagged free ground, in blobs with less than 10 % on obstacles.
     too_wide : int
-        Flagged, free, in blobs that are on obstacles.
+        Flagged free ground, in all other blobs.
     too_narrow : int
         Not flagged, on obstacles of which at least half is flagged.
     outline : int
-        Length of the outlines of the obstacles of which at least half is flagged.
+        Outline length of the obstacles of which at least half is flagged.
     """
 
     hit: int = 0
@@ -49,15 +48,15 @@ class Losses:
 
     @property
     def union(self) -> int:
-        """Pixels flagged or on obstacles: IoU is the share of `hit` in them."""
+        """Pixels flagged or on obstacles; IoU is `hit` over this."""
         return self.hit + self.missed + self.invented + self.too_wide + self.too_narrow
 
     def share(self, part: str) -> float | None:
-        """Share of one of the parts in the union: what it takes off the IoU, if it is a loss."""
+        """Share of one outcome in the union: for a loss, what it takes off the IoU."""
         return getattr(self, part) / self.union if self.union else None
 
     def width_px(self, part: str) -> float | None:
-        """How many pixels wide ``too_wide`` or ``too_narrow`` is along the outlines found."""
+        """Mean width of ``too_wide`` or ``too_narrow`` along the outlines, pixels."""
         return getattr(self, part) / self.outline if self.outline else None
 
 
@@ -66,7 +65,7 @@ def measure_losses(
     labels: NDArray[np.uint8],
     instances: NDArray[np.uint16],
 ) -> Losses:
-    """Sort the pixels that a mask and the labels do not share.
+    """Attribute the pixels on which mask and labels disagree.
 
     Parameters
     ----------
@@ -93,7 +92,7 @@ def measure_losses(
 def _found(
     flagged: NDArray[np.bool_], labels: NDArray[np.uint8], instances: NDArray[np.uint16]
 ) -> NDArray[np.bool_]:
-    """Pixels of the rocks and areas of which at least half is flagged."""
+    """Mark the pixels of rocks and areas of which at least half is flagged."""
     rocks = np.where(labels == ROCK, instances, 0).astype(np.int64)
     areas = connected(is_obstacle(labels) & (labels != ROCK)).astype(np.int64)
     parts = np.where(areas > 0, areas + int(rocks.max(initial=0)), rocks)
@@ -107,7 +106,7 @@ def _found(
 def _invented(
     flagged: NDArray[np.bool_], obstacle: NDArray[np.bool_], counted: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Pixels of flagged blobs that would be false alarms if they were large enough."""
+    """Mark the pixels of flagged blobs that would be false alarms at any size."""
     blobs = connected(flagged)
     pixels = np.bincount(blobs.ravel())
     excused = np.bincount(blobs[obstacle | ~counted], minlength=len(pixels))

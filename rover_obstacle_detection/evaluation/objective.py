@@ -1,4 +1,4 @@
-"""One number for how well a detector does over labelled scenes, to choose parameters by."""
+"""The score that tuning maximises over labelled scenes."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rover_obstacle_detection.evaluation.weights import Weights
 
 @dataclass(frozen=True)
 class Terms:
-    """What the score is made of; each is a mean over scenes, however many frames they have.
+    """Terms of the score, each a mean over scenes; every scene has the same weight.
 
     Parameters
     ----------
     mean_iou : float
-        Over the scenes with obstacles.
+        Mean IoU of the scenes with obstacles.
     missed_share : float
-        Share of the obstacles missed, over the scenes that have obstacles to find.
+        Mean share of obstacles missed, of the scenes with obstacles large enough to count.
     false_alarms : float
-        A frame, over all scenes.
+        Mean false alarms per frame, of all scenes.
     """
 
     mean_iou: float
@@ -31,7 +31,7 @@ class Terms:
 
     @classmethod
     def of(cls, scenes: Sequence[Figures]) -> Terms:
-        """Measure the scenes' figures, each pooled over its frames."""
+        """Compute the terms from figures of scenes, each pooled over its frames."""
         return cls(
             mean_iou=mean_scene_iou(scenes) or 0.0,
             missed_share=_mean(
@@ -45,7 +45,7 @@ class Terms:
         )
 
     def score(self, weights: Weights) -> float:
-        """Return the mean IoU less what the mistakes cost; 1 is perfect."""
+        """Mean IoU minus the weighted errors; 1 is perfect."""
         return (
             self.mean_iou
             - weights.missed * self.missed_share

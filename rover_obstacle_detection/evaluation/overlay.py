@@ -1,4 +1,4 @@
-"""A picture of a mask's hits, misses and false positives over the left image."""
+"""Overlay of hits, misses and false positives on the left image."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OPACITY = 0.45
 def judgement_picture(
     left: NDArray[Any], mask: NDArray[np.uint8], labels: NDArray[np.uint8]
 ) -> NDArray[np.uint8]:
-    """Draw hits green, misses blue and false positives red; what is not counted is greyed.
+    """Draw hits green, misses blue, false positives red and uncounted pixels grey.
 
     Parameters
     ----------

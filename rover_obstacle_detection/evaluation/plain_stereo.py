@@ -1,4 +1,4 @@
-"""The yardstick of every time: one plain SGBM call."""
+"""The time reference: one plain SGBM call."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 
 
 def plain_stereo_seconds(camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> float:
-    """Time SGBM (3WAY, 64 disparities, block 5, P1 300, P2 1200) on the grey pair, seconds."""
+    """Time one SGBM call (3WAY, 64 disparities, block 5, P1 300, P2 1200), seconds."""
     grey_left, grey_right = grey_pair(left, right, camera)
-    # SGBM needs an image wider than its range.
+    # SGBM needs an image wider than its disparity range.
     disparities = min(64, (camera.width - 1) // 16 * 16)
     matcher = cv2.StereoSGBM.create(
         minDisparity=0,

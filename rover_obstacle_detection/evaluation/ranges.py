@@ -1,4 +1,4 @@
-"""Figures by distance: where a detector starts to miss and to invent."""
+"""Figures by distance from the camera."""
 
 from __future__ import annotations
 
@@ -26,23 +26,24 @@ def score_by_range(
     labels: NDArray[np.uint8],
     instances: NDArray[np.uint16],
     depth_m: NDArray[np.float32],
+    known: NDArray[np.bool_] | None = None,
 ) -> tuple[Figures, ...]:
-    """Divide a frame's figures among distances along the optical axis.
+    """Score a mask by distance along the optical axis.
 
-    Pixels count at their own distance, obstacles and false alarms at their median one. What has
-    no depth is left out.
+    A pixel counts at its own distance, an obstacle or false alarm at its median distance. Pixels
+    without depth do not count.
 
     Parameters
     ----------
-    mask, labels, instances : ndarray, shape (height, width)
+    mask, labels, instances, known : ndarray, shape (height, width)
         As for `score`.
     depth_m : ndarray of float32, shape (height, width)
-        NaN where there is none.
+        NaN where there is no surface.
 
     Returns
     -------
     tuple of Figures
-        One for each of the spans between ``EDGES_M``; ``frames`` is 1 where the span has pixels.
+        One per interval of ``EDGES_M``; ``frames`` is 1 where the interval has pixels.
     """
     flagged = mask != 0
     spans = len(EDGES_M) - 1
@@ -50,6 +51,10 @@ def score_by_range(
     counted = is_counted(labels) & np.isfinite(depth_m)
     kind = 4 * span + 2 * flagged + is_obstacle(labels)
     pixels = np.bincount(kind[counted], minlength=4 * spans).reshape(spans, 2, 2)
+    called_free = np.zeros(spans, np.intp)
+    if known is not None:
+        free = known & ~flagged & is_obstacle(labels) & counted
+        called_free = np.bincount(span[free], minlength=spans)
     rocks, areas = rocks_to_find(labels, instances), areas_to_find(labels)
     alarms = false_alarms(flagged, labels)
     rocks_by_span = _by_span(rocks, depth_m)
@@ -69,13 +74,15 @@ def score_by_range(
             areas=int(areas_by_span[index]),
             areas_found=int(areas_found[index]),
             false_alarms=int(alarms_by_span[index]),
+            called_free=int(called_free[index]),
+            checked_obstacle_pixels=0 if known is None else int(pixels[index, :, 1].sum()),
         )
         for index in range(spans)
     )
 
 
 def span_names() -> tuple[str, ...]:
-    """Name the spans: ``0-1 m`` up to ``over 15 m``."""
+    """Name the intervals: ``0-1 m`` up to ``over 15 m``."""
     last = f'over {EDGES_M[-2]:g} m'
     spans = itertools.pairwise(EDGES_M[:-1])
     return (*(f'{near:g}-{far:g} m' for near, far in spans), last)

@@ -1,4 +1,4 @@
-"""What came out of running methods over labelled scenes."""
+"""Results of methods on labelled scenes."""
 
 from __future__ import annotations
 
@@ -16,23 +16,22 @@ from rover_obstacle_detection.evaluation.losses import Losses
 
 @dataclass(frozen=True)
 class FrameResult:
-    """One method on one frame.
+    """Result of one method on one frame.
 
     Parameters
     ----------
     stamp_ns : int
     figures : Figures
     seconds : float
-        The method's time.
+        Run time of the method.
     plain_seconds : float
-        Time of one plain SGBM call on the same pair.
+        Run time of one plain SGBM call on the same pair.
     losses : Losses, optional
-        What keeps the overlap from being perfect; measured where pictures are kept, as the
-        following.
+        Like the fields below, only filled in when pictures are kept.
     faults : tuple of Fault
-        Obstacles missed and false alarms, largest first.
+        Missed obstacles and false alarms, largest first.
     remarks : tuple of str
-        What else is wrong with the frame as a whole.
+        Errors of the frame as a whole.
     """
 
     stamp_ns: int
@@ -46,7 +45,7 @@ class FrameResult:
 
 @dataclass(frozen=True)
 class Picture:
-    """Hits, misses and false positives of one method in one frame, as a JPEG file."""
+    """JPEG of the hits, misses and false positives of one method in one frame."""
 
     method: str
     scene: str
@@ -55,14 +54,14 @@ class Picture:
 
     @property
     def wrongness(self) -> tuple[float, float]:
-        """Order of how bad it looks: obstacles missed and invented, then the overlap."""
+        """Sort key: number of faults, then 1 - IoU."""
         iou = self.frame.figures.iou
         return len(self.frame.faults), 0.0 if iou is None else 1 - iou
 
 
 @dataclass(frozen=True)
 class SceneResult:
-    """One method on all frames of one scene."""
+    """Result of one method on all frames of one scene."""
 
     method: str
     scene: str
@@ -72,17 +71,17 @@ class SceneResult:
 
     @property
     def figures(self) -> Figures:
-        """Pooled over the frames."""
+        """Figures pooled over the frames."""
         return total(frame.figures for frame in self.frames)
 
     @property
     def median_seconds(self) -> float:
-        """Of one frame."""
+        """Median time per frame."""
         return statistics.median(frame.seconds for frame in self.frames)
 
     @property
     def times_plain(self) -> float:
-        """Median time over that of one plain SGBM call."""
+        """Median time relative to that of one plain SGBM call."""
         return self.median_seconds / statistics.median(
             frame.plain_seconds for frame in self.frames
         )
@@ -90,19 +89,19 @@ class SceneResult:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All methods on all scenes.
+    """Results of all methods on all scenes.
 
     Parameters
     ----------
     scenes : tuple of SceneResult
     curves : mapping of str to mapping of float to Figures
-        Of each method with a clearance: pooled figures by ``max_step``.
+        Pooled figures by ``max_step``, for each method that depends on it.
     distributions : mapping of str to TerrainDistributions
-        Of each method that measures terrain.
+        For each method that measures terrain.
     pictures : tuple of Picture
-        The worst frames of each method.
+        Worst frames of each method.
     problems : tuple of str
-        What could not be used, a line each.
+        One line for each frame or message that could not be used.
     """
 
     scenes: tuple[SceneResult, ...] = ()
@@ -113,16 +112,16 @@ class Evaluation:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """In the order in which they were asked for."""
+        """Names of the methods, in the order of the results."""
         return tuple(dict.fromkeys(result.method for result in self.scenes))
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """In alphabetical order."""
+        """Names of the conditions, in alphabetical order."""
         return tuple(sorted({name for result in self.scenes for name in result.conditions}))
 
     def of(self, method: str, condition: str | None = None) -> tuple[SceneResult, ...]:
-        """Results of a method, of all scenes or of those under a condition."""
+        """Results of a method on all scenes, or on those with a condition."""
         return tuple(
             result
             for result in self.scenes
@@ -130,7 +129,7 @@ class Evaluation:
         )
 
     def by_range(self, method: str) -> tuple[Figures, ...]:
-        """Figures of a method by distance, pooled; empty without depth."""
+        """Pooled figures of a method by distance; empty without depth."""
         known = [result.by_range for result in self.of(method) if result.by_range]
         return tuple(total(spans) for spans in zip(*known, strict=True))
 
@@ -141,12 +140,12 @@ def total(figures: Iterable[Figures]) -> Figures:
 
 
 def mean_iou(results: Sequence[SceneResult]) -> float | None:
-    """Mean over the scenes with obstacles of their pooled IoU; None if none has any."""
+    """Mean IoU of the scenes with obstacles; see `mean_scene_iou`."""
     return mean_scene_iou(result.figures for result in results)
 
 
 def mean_scene_iou(scenes: Iterable[Figures]) -> float | None:
-    """Mean IoU of the scenes with obstacles, each pooled over its frames; None if none has any."""
+    """Mean IoU of the scenes with obstacles, each pooled over its frames; None without any."""
     values = [
         figures.iou for figures in scenes if figures.obstacle_pixels and figures.iou is not None
     ]
@@ -164,7 +163,7 @@ def worst_condition(evaluation: Evaluation, method: str) -> tuple[str, float] | 
 
 
 def merged(evaluations: Iterable[Evaluation], worst_pictures: int) -> Evaluation:
-    """Put evaluations of different scenes together, keeping each method's worst pictures."""
+    """Combine evaluations, keeping the worst pictures of each method."""
     parts = list(evaluations)
     curves: dict[str, dict[float, Figures]] = {}
     distributions: dict[str, TerrainDistributions] = {}
@@ -186,7 +185,7 @@ def merged(evaluations: Iterable[Evaluation], worst_pictures: int) -> Evaluation
 
 
 def worst(pictures: Sequence[Picture], count: int) -> tuple[Picture, ...]:
-    """Keep the worst pictures of each method, worst first."""
+    """Select the worst pictures of each method, worst first."""
     kept: list[Picture] = []
     for method in dict.fromkeys(picture.method for picture in pictures):
         own = [picture for picture in pictures if picture.method == method]

@@ -1,4 +1,4 @@
-"""Methods over the frames of one scene."""
+"""Run methods on the frames of one scene."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
@@ -32,9 +33,12 @@ from rover_obstacle_detection.evaluation.results import (
     worst,
 )
 
+# Clearances of the curve, relative to the configured one.
 CURVE_FACTORS = (0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0)
+# Wider pictures are scaled down to this many pixels, to keep a report small.
 PICTURE_WIDTH = 720
 JPEG_QUALITY = 85
+# No more repeats once a method has run for this long on a frame.
 ENOUGH_SECONDS = 2.0
 
 
@@ -47,12 +51,11 @@ class RunOptions:
     methods : sequence of str
     config : DetectorConfig
     repeat : int
-        Calls of each method on each frame, of which the median time counts; fewer where they
-        take seconds.
+        Calls per method and frame, for a median time; fewer for methods that take seconds.
     curve : bool
-        Run the methods that have a clearance at others, too.
+        Also run the methods that depend on ``max_step`` at other values of it.
     worst_pictures : int
-        Pictures to keep of each method.
+        Pictures to keep of each method. Not 0: also analyse losses and faults.
     """
 
     methods: Sequence[str]
@@ -63,7 +66,7 @@ class RunOptions:
 
 
 class SceneRun:
-    """Takes the frames of a scene one by one; `evaluation` is what they have come to.
+    """Runs methods on the frames of a scene, one frame at a time.
 
     Parameters
     ----------
@@ -74,7 +77,7 @@ class SceneRun:
     Raises
     ------
     ConfigurationError
-        If there is no such method.
+        If a method does not exist.
     MissingExtraError
         If a method's library is not installed.
     """
@@ -92,18 +95,18 @@ class SceneRun:
         self._pictures: tuple[Picture, ...] = ()
 
     def take(self, frame: LabelledFrame) -> None:
-        """Run every method on a frame, and score it."""
+        """Run and score every method on a frame."""
         for name, method in self._methods.items():
             self._judge(name, method, frame)
         for name, by_clearance in self._curve_methods.items():
             sums = self._curves.setdefault(name, {})
             for max_step_m, method in by_clearance.items():
-                mask = method(frame.camera, frame.left, frame.right)
-                figures = score(mask, frame.labels, frame.instances)
+                mask, detection = _run(method, frame)
+                figures = score(mask, frame.labels, frame.instances, _known(detection))
                 sums[max_step_m] = sums.get(max_step_m, Figures()) + figures
 
     def evaluation(self, problems: Iterable[str] = ()) -> Evaluation:
-        """Sum up the frames taken so far."""
+        """Summarise the frames taken so far."""
         return Evaluation(
             scenes=tuple(
                 SceneResult(
@@ -131,17 +134,17 @@ class SceneRun:
             seconds.append(time.perf_counter() - started)
             if sum(seconds) > ENOUGH_SECONDS:
                 break
-        figures = score(mask, frame.labels, frame.instances)
+        truth, known = (frame.labels, frame.instances), _known(detection)
         result = FrameResult(
             frame.stamp_ns,
-            figures,
+            score(mask, *truth, known),
             statistics.median(seconds),
             statistics.median(plain_seconds),
         )
         if frame.depth_m is not None:
-            spans = score_by_range(mask, frame.labels, frame.instances, frame.depth_m)
-            known = self._by_range.get(name, (Figures(),) * len(spans))
-            self._by_range[name] = tuple(map(Figures.__add__, known, spans))
+            spans = score_by_range(mask, *truth, frame.depth_m, known)
+            before = self._by_range.get(name, (Figures(),) * len(spans))
+            self._by_range[name] = tuple(map(Figures.__add__, before, spans))
         if detection is not None:
             self._add_distributions(name, detection, frame)
         if self._options.worst_pictures:
@@ -156,7 +159,7 @@ class SceneRun:
         detection: Detection | None,
         frame: LabelledFrame,
     ) -> FrameResult:
-        """Add to a result what went wrong, and keep its picture if it is one of the worst."""
+        """Add losses and faults to a result; keep its picture if it is among the worst."""
         causes = None
         if detection is not None and frame.depth_m is not None:
             causes = FrameCauses(detection, frame)
@@ -197,6 +200,10 @@ def _run(method: Method, frame: LabelledFrame) -> tuple[Mask, Detection | None]:
         detection = method.detect(frame.camera, frame.left, frame.right)
         return detection.mask, detection
     return method(frame.camera, frame.left, frame.right), None
+
+
+def _known(detection: Detection | None) -> NDArray[np.bool_] | None:
+    return None if detection is None else detection.known
 
 
 def _jpeg(frame: LabelledFrame, mask: Mask) -> bytes:

@@ -1,4 +1,4 @@
-"""The true ground around a part of an image."""
+"""True ground around a part of an image."""
 
 from __future__ import annotations
 
@@ -10,16 +10,21 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 
+# Ground within this distance of a part is fitted, metres: enough for a plane, still local.
 REACH_M = 0.35
+# Parts wider than this are treated as this wide, so that the ground stays local.
 MAX_RADIUS_M = 1.0
+# Fewest ground pixels that give a plane, and most that are fitted.
 MIN_PIXELS = 30
-MOST_PIXELS = 20_000
+MAX_PIXELS = 20_000
+# Quantile taken as the top of a rock; the pixels above it are mostly mismatches.
 TOP_SHARE = 0.98
+# Edge of the squares over which a slope is measured, metres: rover scale.
 SQUARE_M = 0.4
 
 
 def plan_axes(up: Sequence[float]) -> NDArray[np.float64]:
-    """Two level directions, ahead of the camera and across, by a vertical; shape (3, 2)."""
+    """Horizontal unit vectors ahead of the camera and across, as columns; shape (3, 2)."""
     vertical = np.asarray(up, np.float64)
     ahead = np.array((0.0, 0.0, 1.0)) - vertical[2] * vertical
     ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
@@ -27,16 +32,16 @@ def plan_axes(up: Sequence[float]) -> NDArray[np.float64]:
 
 
 class Surroundings:
-    """Finds the true ground under a part of an image by the ground around it.
+    """Interpolates the true ground under a part of an image from the ground around it.
 
     Parameters
     ----------
     points : ndarray of float32, shape (height, width, 3)
         True points, left optical frame, metres; NaN where there is no surface.
     height_m : ndarray of float32, shape (height, width)
-        Of those points over a plane.
+        Height of those points above `plane`.
     is_ground : ndarray of bool, shape (height, width)
-        Where no rock is seen.
+        Pixels that show no rock.
     plane : GroundPlane
     camera : StereoCamera
     """
@@ -56,13 +61,13 @@ class Surroundings:
         self._places = points @ plan_axes(plane.normal).astype(np.float32)
 
     def ground(self, inside: NDArray[np.bool_]) -> NDArray[np.float32] | None:
-        """Height of the true ground over the plane at and around a part, metres.
+        """Height of the true ground above the plane, at and around a part, metres.
 
         Returns
         -------
         ndarray of float32, shape (height, width) or None
-            A plane through the ground within 0.35 m of the part, by least squares; NaN away from
-            it. None where too little ground is seen there.
+            Least-squares plane through the ground within 0.35 m of the part; NaN away from it.
+            None if too little of that ground is visible.
         """
         window = self.window(inside)
         part = inside[window] & np.isfinite(self._height_m[window])
@@ -78,7 +83,7 @@ class Surroundings:
             return None
         design = _design(places - centre)
         heights_m = self._height_m[window]
-        thin = max(1, int(around.sum()) // MOST_PIXELS)
+        thin = max(1, int(around.sum()) // MAX_PIXELS)
         chosen = np.flatnonzero(around)[::thin]
         coefficients, *_ = np.linalg.lstsq(
             design.reshape(-1, 3)[chosen], heights_m.ravel()[chosen], rcond=None
@@ -88,11 +93,11 @@ class Surroundings:
         return ground_m
 
     def window(self, inside: NDArray[np.bool_]) -> tuple[slice, slice]:
-        """Rows and columns of a part and of what is within reach of it."""
+        """Rows and columns of a part and its surroundings."""
         rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
         depth_m = self._depth_m[inside]
         depth_m = depth_m[np.isfinite(depth_m)]
-        # Twice the reach: ground between the camera and the part is nearer than the part.
+        # Twice the reach: ground in front of the part is nearer and looks larger.
         reach_px = 2 * REACH_M * self._camera.fx / float(np.median(depth_m)) if depth_m.size else 0
         margin = max(8, round(reach_px))
         return (
@@ -102,20 +107,19 @@ class Surroundings:
 
 
 def slope_deg(points: NDArray[np.float32], up: Sequence[float]) -> float:
-    """Typical slope of a surface at rover scale, degrees.
+    """Median slope of a surface at rover scale, degrees.
 
     Parameters
     ----------
     points : ndarray of float32, shape (n, 3)
         Metres; NaN where there is none.
     up : sequence of float
-        The vertical, a unit vector.
+        Vertical, unit vector.
 
     Returns
     -------
     float
-        Median of the slopes of planes fitted to the points of each square of 0.4 m; NaN where
-        there are too few.
+        Median slope of the planes fitted to squares of 0.4 m; NaN with too few points.
     """
     known = points[np.isfinite(points).all(axis=1)].astype(np.float64)
     places = known @ plan_axes(up)
@@ -139,7 +143,7 @@ def slope_deg(points: NDArray[np.float32], up: Sequence[float]) -> float:
 
 
 def top(heights_m: NDArray[np.floating]) -> float:
-    """Height that only two of a hundred known ones exceed; NaN without any."""
+    """98th percentile of the known heights; NaN without any."""
     return quantile(heights_m, TOP_SHARE)
 
 

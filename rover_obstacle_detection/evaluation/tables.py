@@ -1,4 +1,4 @@
-"""Tables of an evaluation, as text: for the terminal, a report and the documentation alike."""
+"""Tables of an evaluation as text, for the terminal, reports and documentation."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rover_obstacle_detection.evaluation.distributions import Distribution
+from rover_obstacle_detection.evaluation.figures import Figures
 from rover_obstacle_detection.evaluation.ranges import span_names
 from rover_obstacle_detection.evaluation.results import (
     Evaluation,
@@ -18,7 +19,15 @@ from rover_obstacle_detection.evaluation.results import (
 
 NONE = '-'
 TIME_HEADER = ('ms', 'x SGBM')
-FIGURE_HEADER = ('mean IoU', 'precision', 'recall', 'F1', 'obstacles', 'false alarms')
+FIGURE_HEADER = (
+    'mean IoU',
+    'precision',
+    'recall',
+    'F1',
+    'found',
+    'false alarms',
+    'called free',
+)
 
 
 @dataclass(frozen=True)
@@ -30,14 +39,14 @@ class Table:
     rows: Sequence[Sequence[str]]
 
     def as_markdown(self) -> str:
-        """Return the table in Markdown, without the title."""
+        """Format the table as Markdown, without the title."""
         rule = ['---', *('---:' for _ in self.header[1:])]
         lines = (self.header, rule, *self.rows)
         return '\n'.join(f'| {" | ".join(cells)} |' for cells in lines) + '\n'
 
 
 def method_table(evaluation: Evaluation, *, with_times: bool = True) -> Table:
-    """All scenes together, a row a method."""
+    """Tabulate all scenes together, one row per method."""
     rows = []
     for method in evaluation.methods:
         results = evaluation.of(method)
@@ -50,7 +59,7 @@ def method_table(evaluation: Evaluation, *, with_times: bool = True) -> Table:
             (
                 method,
                 *_figures(results),
-                _number(None if worst is None else worst[1]),
+                number(None if worst is None else worst[1]),
                 *(times if with_times else ()),
             )
         )
@@ -59,7 +68,7 @@ def method_table(evaluation: Evaluation, *, with_times: bool = True) -> Table:
 
 
 def condition_table(evaluation: Evaluation, method: str) -> Table:
-    """One method, a row a condition."""
+    """Tabulate one method, one row per condition."""
     rows = []
     for condition in evaluation.conditions:
         results = evaluation.of(method, condition)
@@ -68,14 +77,11 @@ def condition_table(evaluation: Evaluation, method: str) -> Table:
 
 
 def condition_ious(evaluation: Evaluation) -> Table:
-    """Mean IoU, a row a condition and a column a method."""
+    """Tabulate mean IoU, one row per condition and one column per method."""
     rows = [
         (
             condition,
-            *(
-                _number(mean_iou(evaluation.of(method, condition)))
-                for method in evaluation.methods
-            ),
+            *(number(mean_iou(evaluation.of(method, condition))) for method in evaluation.methods),
         )
         for condition in evaluation.conditions
     ]
@@ -83,7 +89,7 @@ def condition_ious(evaluation: Evaluation) -> Table:
 
 
 def condition_obstacles(evaluation: Evaluation) -> Table:
-    """Obstacles found and false alarms a frame, a row a condition and a column a method."""
+    """Tabulate obstacles found and false alarms per frame, like `condition_ious`."""
     rows = [
         (
             condition,
@@ -94,12 +100,12 @@ def condition_obstacles(evaluation: Evaluation) -> Table:
         )
         for condition in evaluation.conditions
     ]
-    title = 'Obstacles found / there, and false alarms a frame, by condition'
+    title = 'Obstacles found, and false alarms per frame, by condition'
     return Table(title, ('condition', *evaluation.methods), rows)
 
 
 def scene_table(evaluation: Evaluation, method: str, *, with_times: bool = True) -> Table:
-    """One method, a row a scene."""
+    """Tabulate one method, one row per scene."""
     rows = []
     for result in evaluation.of(method):
         times = (f'{1000 * result.median_seconds:.0f}', f'{result.times_plain:.2f}')
@@ -111,27 +117,36 @@ def scene_table(evaluation: Evaluation, method: str, *, with_times: bool = True)
 
 
 def range_table(evaluation: Evaluation, method: str) -> Table | None:
-    """One method, a row a distance; None without depth."""
+    """Tabulate one method, one row per distance; None without depth."""
     rows = [
         (
             name,
-            _number(figures.iou),
-            _number(figures.precision),
-            _number(figures.recall),
-            f'{figures.obstacles_found}/{figures.obstacles}',
+            number(figures.iou),
+            number(figures.precision),
+            number(figures.recall),
+            found_of(figures),
             str(figures.false_alarms),
+            percent(figures.called_free_share, 1),
         )
         for name, figures in zip(span_names(), evaluation.by_range(method), strict=False)
         if figures.frames
     ]
-    header = ('distance', 'IoU', 'precision', 'recall', 'obstacles', 'false alarms')
+    header = (
+        'distance',
+        'IoU',
+        'precision',
+        'recall',
+        'found',
+        'false alarms',
+        'called free',
+    )
     return Table(f'{method} by distance', header, rows) if rows else None
 
 
 def distribution_table(
     evaluation: Evaluation, max_roughness_m: float, max_step_m: float
 ) -> Table | None:
-    """Roughness and step on free ground and obstacles; None where none was measured."""
+    """Tabulate roughness and step on free ground and obstacles; None if not measured."""
     rows = []
     for method, both in evaluation.distributions.items():
         for name, distribution, threshold_m in (
@@ -144,10 +159,10 @@ def distribution_table(
                     f'{method}: {name}',
                     _spread_mm(distribution, on_obstacles=False),
                     _spread_mm(distribution, on_obstacles=True),
-                    _number(distribution.separation),
+                    number(distribution.separation),
                     f'{1000 * threshold_m:g} mm',
-                    _percent(over_free),
-                    _percent(over_obstacle),
+                    percent(over_free),
+                    percent(over_obstacle),
                 )
             )
     header = (
@@ -156,28 +171,43 @@ def distribution_table(
         'obstacles 10/50/90 % (mm)',
         'separation',
         'threshold',
-        'free over it',
-        'obstacles over it',
+        'free above it',
+        'obstacles above it',
     )
     return Table('Terrain measures of a window', header, rows) if rows else None
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Format a number; a dash for None."""
+    return NONE if value is None else f'{value:.{digits}f}'
+
+
+def percent(value: float | None, digits: int = 0) -> str:
+    """Format a share in percent; a dash for None."""
+    return NONE if value is None else f'{100 * value:.{digits}f} %'
+
+
+def found_of(figures: Figures) -> str:
+    """Format obstacles found out of all, as in ``3/4``."""
+    return f'{figures.obstacles_found}/{figures.obstacles}'
 
 
 def _figures(results: Sequence[SceneResult]) -> tuple[str, ...]:
     pooled = total(result.figures for result in results)
     return (
-        _number(mean_iou(results)),
-        _number(pooled.precision),
-        _number(pooled.recall),
-        _number(pooled.f1),
-        f'{pooled.obstacles_found}/{pooled.obstacles}',
-        _number(pooled.false_alarms_per_frame, 2),
+        number(mean_iou(results)),
+        number(pooled.precision),
+        number(pooled.recall),
+        number(pooled.f1),
+        found_of(pooled),
+        number(pooled.false_alarms_per_frame, 2),
+        percent(pooled.called_free_share, 1),
     )
 
 
 def _found_and_alarms(results: Sequence[SceneResult]) -> str:
     pooled = total(result.figures for result in results)
-    alarms = _number(pooled.false_alarms_per_frame, 1)
-    return f'{pooled.obstacles_found}/{pooled.obstacles}, {alarms}'
+    return f'{found_of(pooled)}, {number(pooled.false_alarms_per_frame, 1)}'
 
 
 def _spread_mm(distribution: Distribution, *, on_obstacles: bool) -> str:
@@ -188,11 +218,3 @@ def _spread_mm(distribution: Distribution, *, on_obstacles: bool) -> str:
 
 def _millimetres(value_m: float) -> str:
     return f'{1000 * value_m:.{0 if value_m >= 0.01 else 2}f}'
-
-
-def _number(value: float | None, digits: int = 3) -> str:
-    return NONE if value is None else f'{value:.{digits}f}'
-
-
-def _percent(value: float | None) -> str:
-    return NONE if value is None else f'{100 * value:.0f} %'

@@ -1,4 +1,4 @@
-"""Angles of a vertical as a camera sees it."""
+"""Pitch and roll of a camera from the vertical in its frame."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 
 
 def angles_deg(up: Sequence[float]) -> tuple[float, float]:
-    """Pitch below the horizon and clockwise roll of a camera that sees the vertical so."""
+    """Pitch below the horizon and clockwise roll of a camera, from its up vector."""
     pitch = math.asin(max(-1.0, min(1.0, -up[2])))
     return math.degrees(pitch), math.degrees(math.atan2(-up[0], -up[1]))
 

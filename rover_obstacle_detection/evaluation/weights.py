@@ -1,4 +1,4 @@
-"""What mistakes cost when parameters are chosen; apart, so that a help text costs no NumPy."""
+"""Error weights of the tuning score, in a module of its own that needs no NumPy."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Weights:
-    """What a mistake costs, in mean IoU.
+    """Cost of errors, in units of mean IoU.
 
-    Overlap alone is made by the pixels of the largest obstacles. A rock of 200 pixels that is
-    missed stops the rover all the same, and so does a false alarm.
+    IoU is dominated by the largest obstacles. A missed small rock or a false alarm matters just
+    as much to the rover.
 
     Parameters
     ----------
     missed : float
-        Of all obstacles missed. At 0.5 one in ten is worth 0.05.
+        Cost of missing every obstacle: at 0.5, missing 10 % costs 0.05.
     false_alarm : float
-        Of one false alarm in every frame. At 0.1 one in every second frame is worth as much as
-        one obstacle missed in ten.
+        Cost of one false alarm per frame: at 0.1, one in every second frame costs 0.05.
     """
 
     missed: float = 0.5

@@ -1,1 +1,1 @@
-"""Studies beyond the figures of methods, for docs/evaluation.md."""
+"""Studies for docs/evaluation_tables.md."""

@@ -1,4 +1,4 @@
-"""The disparity that the detector works on, beside plain SGBM's, against the truth."""
+"""Disparity of the detector and of plain SGBM against ground truth."""
 
 from __future__ import annotations
 
@@ -12,16 +12,12 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.evaluation.disparity_error import (
-    DisparityErrors,
-    pooled_errors,
-    seen_by_both,
-    true_disparity,
-)
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import ROCK
 from rover_obstacle_detection.evaluation.methods.dense_stereo import match_plainly
-from rover_obstacle_detection.evaluation.tables import NONE, Table
+from rover_obstacle_detection.evaluation.tables import NONE, Table, number, percent
+from rover_obstacle_detection.evaluation.true_disparity import true_disparity, visible_in_both
+from studies.disparity_error import DisparityErrors, pooled_errors
 from studies.motorcycle import StereoWithTruth
 
 OWN, PLAIN = 'hybrid', 'plain SGBM'
@@ -31,12 +27,12 @@ PARTS = (GROUND, ROCKS)
 THRESHOLDS_PX = (0.5, 1.0, 2.0)
 
 Errors = Mapping[tuple[str, str], DisparityErrors]
-"""By part of the image and matcher."""
+"""Errors by part of the image and matcher."""
 
 
 @dataclass(frozen=True)
 class SceneDisparity:
-    """Errors on ground and on rocks, over all frames of a scene."""
+    """Errors on ground and on rocks, pooled over the frames of a scene."""
 
     scene: str
     conditions: tuple[str, ...]
@@ -46,7 +42,7 @@ class SceneDisparity:
 def match_both(
     camera: StereoCamera, left: NDArray[Any], right: NDArray[Any], config: DetectorConfig
 ) -> dict[str, NDArray[np.float32]]:
-    """Match a pair as the detector does and with plain SGBM; see `match_plainly`."""
+    """Match a pair with the detector and with plain SGBM; see `match_plainly`."""
     return {
         OWN: Detector(camera, config).detect(left, right).disparity,
         PLAIN: match_plainly(camera, left, right, config),
@@ -54,15 +50,15 @@ def match_both(
 
 
 def frame_errors(frame: LabelledFrame, config: DetectorConfig) -> Errors:
-    """Compare both matchers with the true depth of a frame.
+    """Compare both matchers with the true depth of a frame; empty without depth.
 
-    Only pixels count that both eyes see, in the range that is judged. Ground is where no rock of
-    any size is, rocks are those that are obstacles.
+    Only pixels visible in both images and within the detection range count. Ground is free of
+    rocks of any size; rocks are those labelled as obstacles.
     """
     if frame.depth_m is None:
         return {}
     truth = true_disparity(frame.depth_m, frame.camera)
-    counted = seen_by_both(truth, frame.camera)
+    counted = visible_in_both(truth, frame.camera)
     with np.errstate(invalid='ignore'):
         counted &= (frame.depth_m >= config.min_range) & (frame.depth_m <= config.max_range)
     where = {
@@ -77,20 +73,20 @@ def frame_errors(frame: LabelledFrame, config: DetectorConfig) -> Errors:
 
 
 def summed(parts: Sequence[Errors]) -> Errors:
-    """Sum errors over frames or scenes."""
+    """Pool errors over frames or scenes."""
     keys = dict.fromkeys(key for part in parts for key in part)
     return {key: pooled_errors([part[key] for part in parts if key in part]) for key in keys}
 
 
 def pair_errors(pair: StereoWithTruth, config: DetectorConfig) -> Errors:
-    """Compare both matchers with a pair's true disparity, on three kinds of pixels."""
+    """Compare both matchers with the true disparity of a pair, on three sets of pixels."""
     disparities = match_both(pair.camera, pair.left, pair.right, config)
-    seen = seen_by_both(pair.disparity, pair.camera)
+    visible = visible_in_both(pair.disparity, pair.camera)
     matched = np.logical_and.reduce([disparity > 0 for disparity in disparities.values()])
     kinds = {
-        'all with a true disparity': np.ones_like(seen),
-        'seen by both eyes': seen,
-        'seen by both eyes, matched by both': seen & matched,
+        'all with a true disparity': np.ones_like(visible),
+        'visible in both images': visible,
+        'visible in both images, matched by both': visible & matched,
     }
     return {
         (kind, matcher): DisparityErrors.of(disparity, pair.disparity, where)
@@ -100,15 +96,15 @@ def pair_errors(pair: StereoWithTruth, config: DetectorConfig) -> Errors:
 
 
 def pair_table(errors: Errors) -> Table:
-    """Tabulate one pair, a row a kind of pixels and a matcher."""
+    """Tabulate one pair, one row per set of pixels and matcher."""
     rows = [
         (
             kind,
             matcher,
-            _percent(found.density),
-            *(_percent(found.share_off(threshold)) for threshold in THRESHOLDS_PX),
-            _pixels(found.median_px),
-            _pixels(found.mean_px),
+            percent(found.density, 1),
+            *(percent(found.share_off(threshold), 1) for threshold in THRESHOLDS_PX),
+            number(found.median_px, 2),
+            number(found.mean_px, 2),
         )
         for (kind, matcher), found in errors.items()
     ]
@@ -124,7 +120,7 @@ def pair_table(errors: Errors) -> Table:
 
 
 def scenes_table(groups: Mapping[str, Sequence[SceneDisparity]]) -> Table:
-    """Tabulate rendered scenes, a row a group: median / mean error, and share matched."""
+    """Tabulate groups of scenes: median / mean error, and share matched."""
     columns = [(part, matcher) for part in PARTS for matcher in MATCHERS]
     rows = []
     for name, scenes in groups.items():
@@ -137,13 +133,5 @@ def scenes_table(groups: Mapping[str, Sequence[SceneDisparity]]) -> Table:
 def _cell(errors: DisparityErrors | None) -> str:
     if errors is None or errors.density is None:
         return NONE
-    spread = f'{_pixels(errors.median_px)} / {_pixels(errors.mean_px)}'
-    return f'{spread}, {_percent(errors.density)}'
-
-
-def _pixels(value: float | None) -> str:
-    return NONE if value is None else f'{value:.2f}'
-
-
-def _percent(value: float | None) -> str:
-    return NONE if value is None else f'{100 * value:.1f} %'
+    spread = f'{number(errors.median_px, 2)} / {number(errors.mean_px, 2)}'
+    return f'{spread}, {percent(errors.density, 1)}'

@@ -1,4 +1,4 @@
-"""Tables of what goes wrong, and of what the stages of the hybrid are good for."""
+"""Tables of faults, of IoU losses and of the ablation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rover_obstacle_detection.evaluation.results import (
     total,
     worst_condition,
 )
-from rover_obstacle_detection.evaluation.tables import NONE, Table
+from rover_obstacle_detection.evaluation.tables import NONE, Table, found_of, number
 
 LOSS_HEADER = {
     'missed': 'obstacles missed',
@@ -22,7 +22,7 @@ LOSS_HEADER = {
 
 
 def causes_table(evaluation: Evaluation, method: str) -> Table:
-    """Count the faults of a method by kind and cause, the most frequent first."""
+    """Count the faults of a method by kind and cause, most frequent first."""
     numbers: Counter[tuple[str, str]] = Counter()
     pixels: Counter[tuple[str, str]] = Counter()
     for result in evaluation.of(method):
@@ -34,16 +34,14 @@ def causes_table(evaluation: Evaluation, method: str) -> Table:
         (kind, cause, str(count), str(pixels[kind, cause]))
         for (kind, cause), count in numbers.most_common()
     ]
-    return Table(f'Faults of {method}', ('fault', 'likeliest cause', 'number', 'pixels'), rows)
+    return Table(f'Faults of {method}', ('fault', 'most likely cause', 'number', 'pixels'), rows)
 
 
 def losses_table(evaluation: Evaluation, method: str) -> Table:
-    """Say what the overlap of each scene lost to what."""
+    """Tabulate what lowers the IoU of each scene with obstacles."""
     rows = []
     for result in evaluation.of(method):
-        losses = Losses()
-        for frame in result.frames:
-            losses = losses + (frame.losses or Losses())
+        losses = sum((frame.losses or Losses() for frame in result.frames), Losses())
         iou = losses.share('hit') if result.figures.obstacle_pixels else None
         if iou is None:
             continue
@@ -53,33 +51,25 @@ def losses_table(evaluation: Evaluation, method: str) -> Table:
 
 
 def ablation_table(evaluation: Evaluation, whole: str) -> Table:
-    """Compare a method with itself less a stage."""
+    """Compare a method with variants of it that lack a stage."""
     of_whole = mean_iou(evaluation.of(whole))
     rows = []
     for method in evaluation.methods:
         results = evaluation.of(method)
         own = mean_iou(results)
         figures = total(result.figures for result in results)
-        alarms = figures.false_alarms_per_frame
         worst = worst_condition(evaluation, method)
         rows.append(
             (
                 method,
-                NONE if own is None else f'{own:.3f}',
+                number(own),
                 NONE if own is None or of_whole is None else f'{own - of_whole:+.3f}',
-                f'{figures.obstacles_found}/{figures.obstacles}',
-                NONE if alarms is None else f'{alarms:.2f}',
+                found_of(figures),
+                number(figures.false_alarms_per_frame, 2),
                 NONE if worst is None else f'{worst[0]}: {worst[1]:.3f}',
             )
         )
-    header = (
-        'method',
-        'mean IoU',
-        'difference',
-        'obstacles',
-        'false alarms',
-        'worst condition',
-    )
+    header = ('method', 'mean IoU', 'difference', 'obstacles', 'false alarms', 'worst condition')
     return Table('Stages left out', header, rows)
 
 

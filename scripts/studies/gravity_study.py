@@ -1,4 +1,4 @@
-"""What it is worth to be told the vertical, and how well it is estimated."""
+"""Detection with known and with estimated gravity, and the error of the estimate."""
 
 from __future__ import annotations
 
@@ -11,24 +11,35 @@ from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.results import mean_scene_iou, total
-from rover_obstacle_detection.evaluation.tables import NONE, Table
+from rover_obstacle_detection.evaluation.tables import NONE, Table, found_of, number
 from rover_obstacle_detection.evaluation.vertical import angles_deg
+
+_HEADER = (
+    'IoU known',
+    'IoU estimated',
+    'difference',
+    'obstacles known',
+    'false alarms known',
+    'obstacles estimated',
+    'false alarms estimated',
+)
 
 
 @dataclass(frozen=True)
 class GravityFrame:
-    """A frame with the vertical told and with the vertical estimated.
+    """Figures of a frame with known and with estimated gravity.
 
     Parameters
     ----------
-    told, estimated : Figures
+    known, estimated : Figures
     pitch_deg, roll_deg : float
-        True ones.
+        True camera angles.
     pitch_error_deg, roll_error_deg : float
-        Of the estimate: positive where it looks down more, or leans more to the right.
+        Estimated minus true: positive where the camera is taken to look further down, or to lean
+        further right, than it does.
     """
 
-    told: Figures
+    known: Figures
     estimated: Figures
     pitch_deg: float
     roll_deg: float
@@ -45,46 +56,46 @@ class SceneGravity:
     frames: tuple[GravityFrame, ...]
 
     @property
-    def told(self) -> Figures:
-        """Pooled over the frames."""
-        return total(frame.told for frame in self.frames)
+    def known(self) -> Figures:
+        """Figures with known gravity, pooled over the frames."""
+        return total(frame.known for frame in self.frames)
 
     @property
     def estimated(self) -> Figures:
-        """Pooled over the frames."""
+        """Figures with estimated gravity, pooled over the frames."""
         return total(frame.estimated for frame in self.frames)
 
 
 def compare_gravity(
     frame: LabelledFrame, config: DetectorConfig, height_m: float | None = None
 ) -> GravityFrame | None:
-    """Run the detector twice; None where the true vertical is not known.
+    """Run the detector with known and with estimated gravity; None without a true vertical.
 
     Parameters
     ----------
     frame : LabelledFrame
     config : DetectorConfig
     height_m : float, optional
-        True height of the left eye over the ground.
+        True height of the left camera above the ground.
     """
     if frame.gravity is None:
         return None
     pitch_deg, roll_deg = angles_deg(frame.gravity.up)
-    knowing = replace(
+    with_known = replace(
         config,
         gravity_source='parameters',
         camera_pitch=pitch_deg,
         camera_roll=roll_deg,
         camera_height=height_m or 0.0,
     )
-    guessing = replace(config, gravity_source='estimate')
-    told, estimated = (
+    with_estimate = replace(config, gravity_source='estimate')
+    known, estimated = (
         Detector(frame.camera, each).detect(frame.left, frame.right)
-        for each in (knowing, guessing)
+        for each in (with_known, with_estimate)
     )
     estimated_pitch_deg, estimated_roll_deg = angles_deg(estimated.ground.up)
     return GravityFrame(
-        told=score(told.mask, frame.labels, frame.instances),
+        known=score(known.mask, frame.labels, frame.instances),
         estimated=score(estimated.mask, frame.labels, frame.instances),
         pitch_deg=pitch_deg,
         roll_deg=roll_deg,
@@ -94,74 +105,53 @@ def compare_gravity(
 
 
 def gravity_table(groups: Mapping[str, Sequence[SceneGravity]]) -> Table:
-    """Tabulate groups of scenes: mean IoU with the vertical told and estimated."""
+    """Tabulate groups of scenes, with the mean absolute error of the estimated pitch."""
     rows = []
     for name, scenes in groups.items():
-        told = mean_scene_iou(scene.told for scene in scenes)
-        estimated = mean_scene_iou(scene.estimated for scene in scenes)
-        off = [abs(frame.pitch_error_deg) for scene in scenes for frame in scene.frames]
-        rows.append(
-            (
-                name,
-                str(len(scenes)),
-                *_ious(told, estimated),
-                *_found_and_alarms(total(scene.told for scene in scenes)),
-                *_found_and_alarms(total(scene.estimated for scene in scenes)),
-                f'{statistics.fmean(off):.1f}' if off else NONE,
-            )
+        ious = (
+            mean_scene_iou(scene.known for scene in scenes),
+            mean_scene_iou(scene.estimated for scene in scenes),
         )
-    return Table('Vertical told and estimated', ('scenes', 'number', *_HEADER, _OFF), rows)
+        pooled = total(scene.known for scene in scenes), total(scene.estimated for scene in scenes)
+        errors = [abs(frame.pitch_error_deg) for scene in scenes for frame in scene.frames]
+        error = number(statistics.fmean(errors) if errors else None, 1)
+        rows.append((name, str(len(scenes)), *_cells(*ious, *pooled), error))
+    header = ('scenes', 'number', *_HEADER, 'pitch error (deg)')
+    return Table('Known and estimated gravity', header, rows)
 
 
 def gravity_scene_table(scenes: Sequence[SceneGravity]) -> Table:
-    """Tabulate scenes, with the true pitch and roll and how far off the estimate is."""
+    """Tabulate scenes, with the true angles and the errors in the worst frame."""
     rows = []
     for scene in scenes:
         worst = max(scene.frames, key=lambda frame: abs(frame.pitch_error_deg), default=None)
         if worst is None:
             continue
-        angles = (
-            f'{worst.pitch_deg:.1f}',
-            f'{worst.pitch_error_deg:+.1f}',
-            f'{worst.roll_deg:.1f}',
-            f'{worst.roll_error_deg:+.1f}',
-        )
+        ious = mean_scene_iou([scene.known]), mean_scene_iou([scene.estimated])
         rows.append(
             (
                 scene.scene,
-                *_ious(_iou(scene.told), _iou(scene.estimated)),
-                *_found_and_alarms(scene.told),
-                *_found_and_alarms(scene.estimated),
-                *angles,
+                *_cells(*ious, scene.known, scene.estimated),
+                f'{worst.pitch_deg:.1f}',
+                f'{worst.pitch_error_deg:+.1f}',
+                f'{worst.roll_deg:.1f}',
+                f'{worst.roll_error_deg:+.1f}',
             )
         )
-    header = ('scene', *_HEADER, 'pitch (deg)', 'its error', 'roll (deg)', 'its error')
-    return Table('Vertical told and estimated, by scene', header, rows)
+    header = ('scene', *_HEADER, 'pitch (deg)', 'pitch error', 'roll (deg)', 'roll error')
+    return Table('Known and estimated gravity, by scene', header, rows)
 
 
-_HEADER = (
-    'IoU told',
-    'IoU estimated',
-    'difference',
-    'obstacles told',
-    'false alarms told',
-    'obstacles estimated',
-    'false alarms estimated',
-)
-_OFF = 'pitch off by (deg)'
-
-
-def _iou(figures: Figures) -> float | None:
-    return figures.iou if figures.obstacle_pixels else None
-
-
-def _ious(told: float | None, estimated: float | None) -> tuple[str, str, str]:
-    if told is None or estimated is None:
-        return NONE, NONE, NONE
-    return f'{told:.3f}', f'{estimated:.3f}', f'{told - estimated:+.3f}'
-
-
-def _found_and_alarms(figures: Figures) -> tuple[str, str]:
-    alarms = figures.false_alarms_per_frame
-    found = f'{figures.obstacles_found}/{figures.obstacles}'
-    return found, NONE if alarms is None else f'{alarms:.2f}'
+def _cells(
+    known_iou: float | None, estimated_iou: float | None, known: Figures, estimated: Figures
+) -> tuple[str, ...]:
+    both = known_iou is not None and estimated_iou is not None
+    return (
+        number(known_iou),
+        number(estimated_iou),
+        f'{known_iou - estimated_iou:+.3f}' if both else NONE,
+        found_of(known),
+        number(known.false_alarms_per_frame, 2),
+        found_of(estimated),
+        number(estimated.false_alarms_per_frame, 2),
+    )

@@ -1,4 +1,4 @@
-"""What lenses that still bend after rectification cost, and what straightening them saves."""
+"""Effect of residual lens distortion on detection, with and without its correction."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED
 from rover_obstacle_detection.evaluation.results import mean_scene_iou, total
-from rover_obstacle_detection.evaluation.tables import NONE, Table
+from rover_obstacle_detection.evaluation.tables import Table, found_of, number
 
 Shares = tuple[float, float, float]
 
-BENDS: Mapping[str, tuple[Shares, Shares]] = {
+DISTORTIONS: Mapping[str, tuple[Shares, Shares]] = {
     'none': ((0, 0, 0), (0, 0, 0)),
-    'each its own way, 0.5 %': ((0.005, 0, 0), (-0.005, 0, 0)),
-    'each its own way, 2 % and 1 %': ((0, -0.02, 0), (0, 0.01, 0)),
-    'both alike, 1 %': ((0.01, -0.02, 0), (0.01, -0.02, 0)),
-    'both alike, 1 %, wavy': ((0.02, 0.03, -0.06), (0.02, 0.03, -0.06)),
+    'opposite, 0.5 %': ((0.005, 0, 0), (-0.005, 0, 0)),
+    'opposite, 2 % and 1 %': ((0, -0.02, 0), (0, 0.01, 0)),
+    'equal, 1 %': ((0.01, -0.02, 0), (0.01, -0.02, 0)),
+    'equal, 1 %, alternating': ((0.02, 0.03, -0.06), (0.02, 0.03, -0.06)),
 }
-"""What each order moves the corners, as a share of their radius: left eye, right eye."""
+"""Corner displacement by each radial order, as a share of the corner radius: left, right lens."""
 
+# Slack for rounding at the image border, pixels.
 _ROUNDING_PX = 1e-2
 
 WITHOUT: frozenset[str] = frozenset({'lenses'})
@@ -38,33 +39,33 @@ WITHOUT: frozenset[str] = frozenset({'lenses'})
 
 @dataclass(frozen=True)
 class SceneLenses:
-    """A scene through bent lenses: figures as they come, and with the lenses straightened.
+    """Figures of a frame with added lens distortion, by the name of the distortion.
 
     Parameters
     ----------
-    bent, straightened : mapping of str to Figures
-        By the name of the bend.
+    uncorrected, corrected : mapping of str to Figures
+        Without and with the detector's correction.
     """
 
-    bent: Mapping[str, Figures]
-    straightened: Mapping[str, Figures]
+    uncorrected: Mapping[str, Figures]
+    corrected: Mapping[str, Figures]
 
 
-def lenses_of(camera: StereoCamera, bend: tuple[Shares, Shares]) -> Lenses:
-    """Turn shares of the corner's radius into the coefficients of a camera's lenses."""
+def lenses_of(camera: StereoCamera, distortion: tuple[Shares, Shares]) -> Lenses:
+    """Convert shares of the corner radius to distortion coefficients."""
     x, y = camera.rays()
     square = float(np.square(x).max() + np.square(y).max())
     left, right = (
         LensDistortion(*(share / square**order for order, share in enumerate(shares, 1)))
-        for shares in bend
+        for shares in distortion
     )
     return Lenses(left, right)
 
 
-def bent_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
-    """Show a frame as lenses would that rectification took for straight.
+def distorted_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
+    """Resample a frame as if rectification had left this lens distortion.
 
-    Nothing counts that the frame does not show.
+    Pixels from outside the original frame are not counted.
     """
     camera = frame.camera
     left_places = lenses.straight_left_places(camera)
@@ -72,58 +73,49 @@ def bent_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
     columns, rows = left_places
     inside = (columns > -_ROUNDING_PX) & (columns < camera.width - 1 + _ROUNDING_PX)
     inside &= (rows > -_ROUNDING_PX) & (rows < camera.height - 1 + _ROUNDING_PX)
-    labels = _seen(frame.labels, left_places, cv2.INTER_NEAREST)
+    labels = _resampled(frame.labels, left_places, cv2.INTER_NEAREST)
     return replace(
         frame,
-        left=_seen(frame.left, left_places),
-        right=_seen(frame.right, right_places),
+        left=_resampled(frame.left, left_places),
+        right=_resampled(frame.right, right_places),
         labels=np.where(inside, labels, NOT_COUNTED).astype(np.uint8),
-        instances=_seen(frame.instances, left_places, cv2.INTER_NEAREST) * inside,
+        instances=_resampled(frame.instances, left_places, cv2.INTER_NEAREST) * inside,
         depth_m=None,
     )
 
 
 def compare_lenses(frame: LabelledFrame, config: DetectorConfig) -> SceneLenses:
-    """Run the detector on a frame through each pair of lenses, straightened and not."""
+    """Run the detector on a frame with each distortion, with and without correction."""
     figures: dict[frozenset[str], dict[str, Figures]] = {frozenset(): {}, WITHOUT: {}}
-    for name, bend in BENDS.items():
-        bent = bent_frame(frame, lenses_of(frame.camera, bend))
+    for name, distortion in DISTORTIONS.items():
+        distorted = distorted_frame(frame, lenses_of(frame.camera, distortion))
         for leave_out, found in figures.items():
             detector = Detector(frame.camera, config, leave_out=leave_out)
-            mask = detector.detect(bent.left, bent.right).mask
-            found[name] = score(mask, bent.labels, bent.instances)
+            mask = detector.detect(distorted.left, distorted.right).mask
+            found[name] = score(mask, distorted.labels, distorted.instances)
     return SceneLenses(figures[WITHOUT], figures[frozenset()])
 
 
 def lens_table(scenes: Sequence[SceneLenses]) -> Table:
-    """Tabulate the figures of scenes through each pair of lenses."""
+    """Tabulate the figures of scenes, one row per distortion."""
     rows = []
-    for name in BENDS:
+    for name in DISTORTIONS:
         cells = [name]
-        for kind in ('bent', 'straightened'):
-            figures = [getattr(scene, kind)[name] for scene in scenes]
-            iou, pooled = mean_scene_iou(figures), total(figures)
-            alarms = pooled.false_alarms_per_frame
+        for by_name in ('uncorrected', 'corrected'):
+            figures = [getattr(scene, by_name)[name] for scene in scenes]
+            pooled = total(figures)
             cells += [
-                NONE if iou is None else f'{iou:.3f}',
-                f'{pooled.obstacles_found}/{pooled.obstacles}',
-                NONE if alarms is None else f'{alarms:.2f}',
+                number(mean_scene_iou(figures)),
+                found_of(pooled),
+                number(pooled.false_alarms_per_frame, 2),
             ]
         rows.append(tuple(cells))
-    return Table('Lenses that bend', ('lenses', *_HEADER), rows)
+    counts = ('obstacles', 'false alarms')
+    header = ('distortion', 'IoU uncorrected', *counts, 'IoU corrected', *counts)
+    return Table('Residual lens distortion', header, rows)
 
 
-_HEADER = (
-    'IoU as they come',
-    'obstacles',
-    'false alarms',
-    'IoU straightened',
-    'obstacles',
-    'false alarms',
-)
-
-
-def _seen(
+def _resampled(
     image: NDArray[Any],
     places: tuple[NDArray[np.float32], NDArray[np.float32]],
     interpolation: int = cv2.INTER_CUBIC,

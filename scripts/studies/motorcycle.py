@@ -1,4 +1,4 @@
-"""The pair ``motorcycle`` of the Middlebury 2014 benchmark, a quarter of its size."""
+"""The ``motorcycle`` pair of the Middlebury 2014 benchmark at a quarter of its size."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import MissingExtraError
 
+# Calibration in the documentation of skimage.data.stereo_motorcycle.
 FOCAL_PX = 994.978
 CX_PX, CY_PX = 311.193, 254.877
-CX_RIGHT_MORE_PX = 31.086
+CX_RIGHT_MINUS_LEFT_PX = 31.086
 BASELINE_M = 0.193001
 
 
 @dataclass(frozen=True, eq=False)
 class StereoWithTruth:
-    """A rectified pair and its true disparity.
+    """A rectified pair with its true disparity.
 
     Parameters
     ----------
@@ -28,7 +29,7 @@ class StereoWithTruth:
     left, right : ndarray of uint8, shape (height, width, 3)
         BGR.
     disparity : ndarray of float32, shape (height, width)
-        Of the left image, pixels, the camera's offset taken off; NaN where it is not known.
+        Of the left image, pixels, without the camera's offset; NaN where unknown.
     """
 
     camera: StereoCamera
@@ -38,7 +39,7 @@ class StereoWithTruth:
 
 
 def load_motorcycle() -> StereoWithTruth:
-    """Read the pair that comes with scikit-image, with the calibration of its documentation.
+    """Load the pair that scikit-image ships.
 
     Raises
     ------
@@ -47,11 +48,16 @@ def load_motorcycle() -> StereoWithTruth:
 
     Notes
     -----
-    Scharstein, Hirschmueller, Kitajima, Krathwohl, Nesic, Wang and Westling 2014. The disparity
-    is the left image's: the right image shows the pixel's surface ``disparity`` columns to the
-    left.
+    Scharstein, Hirschmueller, Kitajima, Krathwohl, Nesic, Wang and Westling 2014.
     """
-    data = _library()
+    try:
+        data: Any = importlib.import_module('skimage.data')
+    except ImportError as error:
+        msg = (
+            'the Middlebury pair needs scikit-image, which is not installed: '
+            "pip install 'rover_obstacle_detection[data]'"
+        )
+        raise MissingExtraError(msg) from error
     left, right, raw = data.stereo_motorcycle()
     height, width = raw.shape
     camera = StereoCamera(
@@ -62,19 +68,8 @@ def load_motorcycle() -> StereoWithTruth:
         cx=CX_PX,
         cy=CY_PX,
         baseline_m=BASELINE_M,
-        cx_right=CX_PX + CX_RIGHT_MORE_PX,
+        cx_right=CX_PX + CX_RIGHT_MINUS_LEFT_PX,
     )
     disparity = np.where(np.isfinite(raw), raw - camera.disparity_offset, np.nan)
-    bgr_left, bgr_right = (np.ascontiguousarray(eye[..., ::-1]) for eye in (left, right))
+    bgr_left, bgr_right = (np.ascontiguousarray(rgb[..., ::-1]) for rgb in (left, right))
     return StereoWithTruth(camera, bgr_left, bgr_right, disparity.astype(np.float32))
-
-
-def _library() -> Any:
-    try:
-        return importlib.import_module('skimage.data')
-    except ImportError as error:
-        msg = (
-            'the Middlebury pair needs scikit-image, which is not installed: '
-            "pip install 'rover_obstacle_detection[data]'"
-        )
-        raise MissingExtraError(msg) from error

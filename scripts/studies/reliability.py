@@ -1,4 +1,4 @@
-"""Whether obstacles are as often real as their confidence says."""
+"""Reliability of the confidence: how often obstacles of a given confidence are real."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.evaluation.labels import is_counted, is_obstacle
-from rover_obstacle_detection.evaluation.tables import NONE, Table
+from rover_obstacle_detection.evaluation.tables import Table, number
 
+# Bins of confidence, finer towards 0 and 1.
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
+# Shares of pixels: a real obstacle lies this much on labelled obstacles; one with fewer counted
+# pixels is ambiguous.
 MIN_REAL_SHARE = 0.5
 MIN_COUNTED_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedObstacles:
-    """Detected obstacles that labels can judge; sums of two are both.
+    """Detected obstacles that the labels can judge; adding two concatenates them.
 
     Parameters
     ----------
@@ -33,7 +36,7 @@ class JudgedObstacles:
 
     @classmethod
     def of(cls, detection: Detection, labels: NDArray[np.uint8]) -> JudgedObstacles:
-        """Judge the obstacles of a detection; see `judge`."""
+        """Check the obstacles of a detection; see `judge`."""
         is_real, is_judged = judge(detection.obstacle_numbers, labels)
         confidence = np.array([each.confidence for each in detection.obstacles], np.float64)
         return cls(confidence[is_judged], is_real[is_judged])
@@ -45,41 +48,41 @@ class JudgedObstacles:
         )
 
     def calibration_error(self, edges: Sequence[float] = EDGES) -> float | None:
-        """How far the confidence is from the share that is real, mean over the obstacles.
+        """Mean gap between confidence and the real share, weighted by obstacles.
 
         Notes
         -----
-        The expected calibration error of Naeini, Cooper and Hauskrecht (2015).
+        Expected calibration error (Naeini, Cooper and Hauskrecht 2015).
         """
         bins = [each for each in reliability(self, edges) if each.count]
         gaps = [each.count * abs(each.gap) for each in bins]
         return sum(gaps) / len(self.real) if gaps else None
 
     def brier_score(self) -> float | None:
-        """Mean square of the confidence less 1 for what is real, less 0 for what is not."""
+        """Mean squared difference of confidence and reality (1 real, 0 not)."""
         return float(np.mean((self.confidence - self.real) ** 2)) if len(self.real) else None
 
     def separation(self) -> float | None:
-        """Chance that a real obstacle is surer than one that is not: the area under the ROC."""
-        sure, unsure = self.confidence[self.real], self.confidence[~self.real]
-        if not (len(sure) and len(unsure)):
+        """Probability that a real obstacle has the higher confidence (area under the ROC)."""
+        real, false = self.confidence[self.real], np.sort(self.confidence[~self.real])
+        if not (len(real) and len(false)):
             return None
-        below = np.searchsorted(np.sort(unsure), sure, side='left')
-        not_above = np.searchsorted(np.sort(unsure), sure, side='right')
-        return float(np.mean(below + not_above) / (2 * len(unsure)))
+        below = np.searchsorted(false, real, side='left')
+        not_above = np.searchsorted(false, real, side='right')
+        return float(np.mean(below + not_above) / (2 * len(false)))
 
 
 @dataclass(frozen=True)
 class ReliabilityBin:
-    """Obstacles of about the same confidence; the means are None where there is none.
+    """Obstacles of similar confidence.
 
     Parameters
     ----------
     low, high : float
-        Its confidences: from `low` to under `high`, in the last bin with `high`.
+        Range of confidence, without `high` except in the last bin.
     count : int
     mean_confidence, share_real : float, optional
-        The closer these two, the truer the confidence.
+        Equal for a perfectly calibrated confidence; None in an empty bin.
     """
 
     low: float
@@ -90,19 +93,19 @@ class ReliabilityBin:
 
     @property
     def gap(self) -> float:
-        """Mean confidence less the share that is real; 0 where there is no obstacle."""
+        """Mean confidence minus the real share; 0 in an empty bin."""
         return (self.mean_confidence or 0.0) - (self.share_real or 0.0)
 
 
 def judge(
     numbers: NDArray[np.int32], labels: NDArray[np.uint8]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which detected obstacles are real, and of which the labels can tell.
+    """Mark the detected obstacles that are real, and those that the labels can judge.
 
     Parameters
     ----------
     numbers : ndarray of int32, shape (height, width)
-        Number of each pixel's obstacle, 1 to n; 0 where there is none.
+        Obstacle number of each pixel, 1 to n; 0 where there is none.
     labels : ndarray of uint8, shape (height, width)
         0 free, 1 rock, 2 slope, 3 drop, 255 not counted.
 
@@ -111,8 +114,7 @@ def judge(
     is_real : ndarray of bool, shape (n,)
         At least half of its counted pixels are on rocks, slopes or drops.
     is_judged : ndarray of bool, shape (n,)
-        At least half of its pixels are counted: the rim of a rock that is neither obstacle nor
-        free ground does not make it a false alarm.
+        At least half of its pixels are counted.
     """
     count = int(numbers.max(initial=0)) + 1
     pixels = np.bincount(numbers.ravel(), minlength=count)[1:]
@@ -125,18 +127,18 @@ def judge(
 def reliability(
     obstacles: JudgedObstacles, edges: Sequence[float] = EDGES
 ) -> tuple[ReliabilityBin, ...]:
-    """Compare confidence and truth, a bin of confidence at a time.
+    """Compare confidence and reality in bins of confidence.
 
     Parameters
     ----------
     obstacles : JudgedObstacles
     edges : sequence of float
-        Of the bins, from 0 to 1.
+        Bin edges, from 0 to 1.
     """
     index = np.digitize(obstacles.confidence, edges[1:-1])
     bins = []
-    for number, (low, high) in enumerate(itertools.pairwise(edges)):
-        inside = index == number
+    for position, (low, high) in enumerate(itertools.pairwise(edges)):
+        inside = index == position
         count = int(inside.sum())
         bins.append(
             ReliabilityBin(
@@ -153,7 +155,7 @@ def reliability(
 def reliability_table(
     title: str, obstacles: JudgedObstacles, edges: Sequence[float] = EDGES
 ) -> Table:
-    """Tabulate confidence and truth, a row a bin of confidence and one for all."""
+    """Tabulate the reliability, one row per bin and one for all obstacles."""
     rows = [
         (f'{each.low:g} to {each.high:g}', *_cells(each)) for each in reliability(obstacles, edges)
     ]
@@ -163,5 +165,4 @@ def reliability_table(
 
 
 def _cells(each: ReliabilityBin) -> tuple[str, ...]:
-    means = (each.mean_confidence, each.share_real)
-    return str(each.count), *(NONE if mean is None else f'{mean:.3f}' for mean in means)
+    return str(each.count), number(each.mean_confidence), number(each.share_real)

@@ -1,6 +1,7 @@
-"""Studies of labelled recordings beyond the figures of methods, one recording a call.
+"""Studies of labelled bags, one bag per call.
 
-Every function here can be run in another process.
+Every function can run in a worker process. All raise `ObstacleDetectionError` if the bag, or any
+of its frames, cannot be used.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_obstacle_detection.bags.reader import BagReader, open_bag
+from rover_obstacle_detection.bags.reader import BagReader, bag_name, open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
@@ -20,7 +21,6 @@ from rover_obstacle_detection.evaluation.results import Evaluation
 from rover_obstacle_detection.evaluation.runner import RunOptions
 from rover_obstacle_detection.offline.evaluate import (
     BagOptions,
-    bag_name,
     condition_in,
     evaluate_bag,
     labelled_frames,
@@ -42,13 +42,7 @@ from studies.reliability import JudgedObstacles
 
 
 def evaluate_scene(path: Path, options: RunOptions) -> Evaluation:
-    """Run methods over a recording of which every frame has to be good.
-
-    Raises
-    ------
-    ObstacleDetectionError
-        If the recording, or any of its frames, cannot be used.
-    """
+    """Run methods on a bag in which every frame must be usable."""
     evaluation = evaluate_bag(path, options, BagOptions(), lambda done, expected: None)
     if evaluation.problems:
         raise BagError('\n'.join(evaluation.problems))
@@ -56,13 +50,7 @@ def evaluate_scene(path: Path, options: RunOptions) -> Evaluation:
 
 
 def study_disparity(path: Path, config: DetectorConfig) -> SceneDisparity:
-    """Compare the detector's disparity and plain SGBM's with the true depth.
-
-    Raises
-    ------
-    ObstacleDetectionError
-        If the recording, or any of its frames, cannot be used.
-    """
+    """Compare the disparity of the detector and of plain SGBM with the true depth."""
     with open_bag(path) as bag:
         truth = find_truth_topics(bag)
         errors = [frame_errors(frame, config) for frame in _frames(bag, truth)]
@@ -70,15 +58,7 @@ def study_disparity(path: Path, config: DetectorConfig) -> SceneDisparity:
 
 
 def study_gravity(path: Path, config: DetectorConfig) -> SceneGravity:
-    """Run the detector with the true vertical and with its own estimate.
-
-    Frames without a true pose are left out.
-
-    Raises
-    ------
-    ObstacleDetectionError
-        If the recording, or any of its frames, cannot be used.
-    """
+    """Run the detector with known and with estimated gravity, on the frames with a true pose."""
     with open_bag(path) as bag:
         truth = find_truth_topics(bag)
         height_m = _camera_height_m(bag, truth)
@@ -88,25 +68,13 @@ def study_gravity(path: Path, config: DetectorConfig) -> SceneGravity:
 
 
 def study_lenses(path: Path, config: DetectorConfig) -> list[SceneLenses]:
-    """Run the detector on each frame through lenses that bend.
-
-    Raises
-    ------
-    ObstacleDetectionError
-        If the recording, or any of its frames, cannot be used.
-    """
+    """Run the detector on each frame with added lens distortion."""
     with open_bag(path) as bag:
         return [compare_lenses(frame, config) for frame in _frames(bag, find_truth_topics(bag))]
 
 
 def study_reliability(path: Path, config: DetectorConfig) -> JudgedObstacles:
-    """Judge the detector's obstacles by the labels.
-
-    Raises
-    ------
-    ObstacleDetectionError
-        If the recording, or any of its frames, cannot be used.
-    """
+    """Check the detector's obstacles against the labels."""
     judged = JudgedObstacles(np.zeros(0), np.zeros(0, bool))
     with open_bag(path) as bag:
         for frame in _frames(bag, find_truth_topics(bag)):

@@ -1,4 +1,4 @@
-"""Causes of what a detector misses and invents, on arrays made by hand."""
+"""Causes of missed obstacles and false alarms, on hand-made arrays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.evaluation.causes import Cause, FrameCauses
+from rover_obstacle_detection.evaluation.causes import FrameCauses
 from rover_obstacle_detection.evaluation.faults import find_faults
 from rover_obstacle_detection.evaluation.figures import score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
@@ -23,21 +23,21 @@ from rover_obstacle_detection.evaluation.surroundings import median, quantile, s
 SHAPE = (120, 160)
 CAMERA = StereoCamera(160, 120, 100.0, 100.0, 79.5, 59.5, 0.2)
 PITCH_DEG = 45.0
-EYE_M = 1.0
+CAMERA_HEIGHT_M = 1.0
 ROCK = np.s_[50:70, 70:90]
 SPOT = np.s_[80:95, 20:50]
 
 
 def depth_at(height_m: np.ndarray) -> np.ndarray:
-    """Depth of points so high above level ground, seen by the camera pitched 45 degrees down."""
+    """Depth of points at a height above level ground, from a camera pitched 45 degrees down."""
     up = np.asarray(Gravity.from_angles(PITCH_DEG).up)
     x_over_z, y_over_z = CAMERA.rays()
     rise = up[0] * x_over_z + up[1] * y_over_z + up[2]
-    return ((height_m - EYE_M) / rise).astype(np.float32)
+    return ((height_m - CAMERA_HEIGHT_M) / rise).astype(np.float32)
 
 
 class View:
-    """A rock of 20 x 20 pixels on level ground; what is seen is the truth until it is changed."""
+    """A rock of 20 x 20 pixels on level ground, measured perfectly until changed."""
 
     def __init__(self, rock_m: float = 0.2) -> None:
         self.true_m = np.zeros(SHAPE, np.float32)
@@ -46,7 +46,7 @@ class View:
         self.labels[ROCK] = 1
         self.instances = np.zeros(SHAPE, np.uint16)
         self.instances[ROCK] = 7
-        self.seen_m = self.true_m.copy()
+        self.measured_m = self.true_m.copy()
         self.ground_m = np.zeros(SHAPE, np.float32)
         self.matched = np.ones(SHAPE, bool)
         self.known = np.ones(SHAPE, bool)
@@ -64,9 +64,9 @@ class View:
         )
 
     def detection(self) -> Detection:
-        disparity = np.float32(CAMERA.fx * CAMERA.baseline_m) / depth_at(self.seen_m)
+        disparity = np.float32(CAMERA.fx * CAMERA.baseline_m) / depth_at(self.measured_m)
         disparity[~self.matched] = 0
-        height_m = np.where(self.matched, self.seen_m - self.ground_m, np.nan)
+        height_m = np.where(self.matched, self.measured_m - self.ground_m, np.nan)
         up = Gravity.from_angles(PITCH_DEG).up
         products = {
             'grey': self.grey,
@@ -77,22 +77,22 @@ class View:
             'cues': self.cues,
             'mask': self.mask,
         }
-        return Detection(CAMERA, DetectorConfig(), GroundPlane(up, EYE_M, up), products)
+        return Detection(CAMERA, DetectorConfig(), GroundPlane(up, CAMERA_HEIGHT_M, up), products)
 
     def causes(self) -> FrameCauses:
         return FrameCauses(self.detection(), self.frame())
 
     def faults(self) -> list[str]:
         causes = self.causes()
-        faults = find_faults(self.mask, self.labels, self.instances, self.depth_m, causes)
-        return [str(fault) for fault in faults]
+        truth = self.labels, self.instances, self.depth_m
+        return [str(fault) for fault in find_faults(self.mask, *truth, causes)]
 
     def fault(self) -> str:
         (fault,) = self.faults()
         return fault.partition(': ')[2]
 
 
-def test_a_rock_that_was_not_matched() -> None:
+def test_rock_without_matches() -> None:
     view = View()
     view.matched[ROCK] = False
     view.matched[50:54, 70:90] = True
@@ -104,95 +104,96 @@ def test_a_rock_that_was_not_matched() -> None:
     )
 
 
-def test_a_rock_at_the_border_is_not_seen_by_the_right_eye() -> None:
+def test_rock_at_the_left_border_is_not_visible_in_the_right_image() -> None:
     view = View()
     view.labels[...] = view.instances[...] = 0
     view.labels[50:80, :8], view.instances[50:80, :8] = 1, 7
     view.matched[:, :20] = False
-    assert view.fault() == 'not seen by the right eye (0 % of its pixels have a disparity)'
+    assert view.fault() == 'not visible in the right image (0 % of its pixels have a disparity)'
 
 
 @pytest.mark.parametrize(
-    ('far', 'said'), [(True, 'max_range is 40 m'), (False, 'noise of a height 6 cm')]
+    ('far', 'detail'), [(True, 'max_range 40 m'), (False, 'height noise 6 cm')]
 )
-def test_a_rock_outside_the_judged_range(far: bool, said: str) -> None:
+def test_rock_beyond_the_detection_range(far: bool, detail: str) -> None:
     view = View()
     view.known[ROCK] = False
     if far:
         view.depth_m[ROCK] = 45.0
-    assert view.fault() == f'outside the judged range ({said})'
+    assert view.fault() == f'beyond the detection range ({detail})'
 
 
-def test_the_ground_estimated_too_high_under_a_rock() -> None:
+def test_ground_estimated_too_high_under_a_rock() -> None:
     view = View()
     view.ground_m[ROCK] = 0.12
     assert view.fault() == (
-        'ground too high (estimated 12 cm too high under it, 20 cm high, measured 8 cm, '
-        'limit 10 cm)'
+        'ground estimated too high (by 12 cm, true height 20 cm, measured 8 cm, limit 10 cm)'
     )
 
 
-def test_a_rock_flattened_by_matching() -> None:
+def test_rock_flattened_by_matching() -> None:
     view = View()
-    view.seen_m[ROCK] = 0.07
+    view.measured_m[ROCK] = 0.07
     assert view.fault() == (
-        'flattened by matching (its top matched 13 cm too low, 20 cm high, measured 7 cm, '
-        'limit 10 cm)'
+        'flattened by matching (top 13 cm too low, true height 20 cm, measured 7 cm, limit 10 cm)'
     )
 
 
-def test_a_rock_that_is_measured_over_the_limit_but_not_flagged() -> None:
+def test_rock_measured_above_the_limit_but_not_flagged() -> None:
     view = View(0.115)
-    assert view.fault() == 'hardly over the limit (12 cm high, measured 12 cm, limit 10 cm)'
+    assert view.fault() == (
+        'just above the limit (true height 12 cm, measured 12 cm, limit 10 cm)'
+    )
 
 
-def test_a_rock_that_no_ground_is_seen_around() -> None:
+def test_rock_without_visible_ground_around_it() -> None:
     view = View(0.06)
     view.instances[view.instances == 0] = 9
     assert view.fault() == (
-        'measured too low (measured 6 cm, limit 10 cm, hardly any ground is seen around it)'
+        'measured too low (measured 6 cm, limit 10 cm, too little visible ground around it)'
     )
 
 
-def test_a_rock_found_in_part() -> None:
+def test_partly_found_rock() -> None:
     view = View()
     view.mask[50:58, 70:90] = 255
     assert view.fault() == (
-        'found in part (40 % of it flagged, 20 cm high, measured 20 cm, limit 10 cm)'
+        'partly found (40 % flagged, true height 20 cm, measured 20 cm, limit 10 cm)'
     )
 
 
-def test_an_obstacle_that_is_lower_than_the_ground_around_tells() -> None:
+def test_rock_lower_than_the_limit_above_the_ground() -> None:
     view = View(0.05)
-    assert view.fault().startswith('low above the ground around it (5 cm high, measured 5 cm')
+    assert view.fault() == (
+        'low above the surrounding ground (true height 5 cm, measured 5 cm, limit 10 cm)'
+    )
 
 
-def test_the_depth_of_a_missed_drop() -> None:
+def test_missed_drop_with_its_depth() -> None:
     view = View()
     view.labels[...] = view.instances[...] = 0
     drop = np.s_[40:90, 60:110]
-    view.true_m[...] = view.seen_m[...] = 0
-    view.labels[drop], view.true_m[drop], view.seen_m[drop] = 3, -0.2, -0.06
+    view.true_m[...] = view.measured_m[...] = 0
+    view.labels[drop], view.true_m[drop], view.measured_m[drop] = 3, -0.2, -0.06
     view.depth_m = depth_at(view.true_m)
     assert view.fault() == (
-        'drop not recognised (20 cm below what is around it, measured 6 cm, limit 10 cm, '
-        '0 % of it flagged)'
+        'drop not recognised (true depth 20 cm, measured 6 cm, limit 10 cm, 0 % flagged)'
     )
 
 
-def test_a_slope_missed_because_the_vertical_is_off() -> None:
+def test_missed_slope() -> None:
     view = View()
     view.instances[...] = 0
     view.labels[...] = 2
     view.gravity = Gravity.from_angles(33.0)
     assert view.fault() == (
-        'vertical off (pitch off by +12.0 degrees, roll by +0.0, 0 % of it flagged)'
+        'vertical estimate off (pitch off by +12.0 degrees, roll by +0.0, 0 % flagged)'
     )
     view.gravity = Gravity.from_angles(PITCH_DEG)
     assert view.fault().startswith('measured too flat (')
 
 
-def test_only_a_vertical_far_off_is_worth_a_remark() -> None:
+def test_only_a_large_error_of_the_vertical_is_reported() -> None:
     view = View()
     assert view.causes().vertical() is None
     view.gravity = Gravity.from_angles(PITCH_DEG - 3.0, 4.0)
@@ -202,7 +203,7 @@ def test_only_a_vertical_far_off_is_worth_a_remark() -> None:
 
 
 def alarm(**changes) -> View:
-    """The rock found, and a false alarm of 450 pixels beside it."""
+    """The rock is found, with a false alarm of 450 pixels next to it."""
     view = View()
     view.mask[ROCK] = view.mask[SPOT] = 255
     view.cues[SPOT] = int(changes.pop('cue', Cue.HEIGHT))
@@ -211,55 +212,55 @@ def alarm(**changes) -> View:
     return view
 
 
-def test_a_false_alarm_by_a_false_match() -> None:
-    assert alarm(seen_m=0.2, grey=100).fault() == (
-        'false match (disparity off by +4.5 px, 20 cm in height, flagged by its height, '
-        'measured 20 cm high, no texture: grey level 100)'
+def test_false_alarm_from_a_false_match() -> None:
+    assert alarm(measured_m=0.2, grey=100).fault() == (
+        'false match (disparity off by +4.5 px, height by 20 cm, flagged by height, '
+        'measured height 20 cm, no texture: grey level 100)'
     )
 
 
-def test_a_false_alarm_on_ground_estimated_too_low() -> None:
+def test_false_alarm_on_ground_estimated_too_low() -> None:
     assert alarm(ground_m=-0.15).fault() == (
-        'ground too low (estimated 15 cm too low, flagged by its height, measured 15 cm high)'
+        'ground estimated too low (by 15 cm, flagged by height, measured height 15 cm)'
     )
 
 
-def test_a_false_alarm_without_a_match() -> None:
+def test_false_alarm_without_matches() -> None:
     view = alarm(cue=Cue.GREY_LEVEL, matched=False, grey=20)
-    assert view.fault() == 'no match (flagged by its grey level, in shadow: grey level 20)'
+    assert view.fault() == 'no match (flagged by grey level, in shadow: grey level 20)'
 
 
-def test_a_false_alarm_by_a_vertical_that_is_off() -> None:
+def test_false_alarm_from_a_wrong_vertical() -> None:
     view = alarm(cue=Cue.SLOPE)
     view.gravity = Gravity.from_angles(39.0)
     assert view.fault() == (
-        'vertical off (flagged by its slope, pitch off by +6.0 degrees, roll by +0.0)'
+        'vertical estimate off (flagged by slope, pitch off by +6.0 degrees, roll by +0.0)'
     )
 
 
-def test_a_false_alarm_on_a_rock_under_the_limit() -> None:
-    view = alarm(true_m=0.07, seen_m=0.12, instances=8)
+def test_false_alarm_on_a_rock_below_the_limit() -> None:
+    view = alarm(true_m=0.07, measured_m=0.12, instances=8)
     view.depth_m = depth_at(view.true_m)
-    assert view.fault() == 'rock under the limit (7 cm high, measured 12 cm, limit 10 cm)'
+    assert view.fault() == ('rock below the limit (true height 7 cm, measured 12 cm, limit 10 cm)')
 
 
-def test_a_false_alarm_that_nothing_explains() -> None:
+def test_unexplained_false_alarm_is_noise() -> None:
     assert (
         alarm(cue=0)
         .fault()
         .startswith(
-            'noise (disparity off by +0.0 px, in a tenth of it by over 0.0 px, '
-            'flagged by its outline alone, measured 0 cm high'
+            'noise (disparity off by +0.0 px, 10 % of it by over 0.0 px, '
+            'flagged by outline alone, measured height 0 cm'
         )
     )
 
 
-def test_a_false_alarm_beside_a_rock() -> None:
+def test_false_alarm_next_to_a_rock() -> None:
     view = View()
     beside = np.s_[50:70, 93:110]
     view.mask[ROCK] = view.mask[beside] = 255
     view.cues[beside] = int(Cue.HEIGHT)
-    assert view.fault() == 'beside a rock (flagged by its height, measured 0 cm high)'
+    assert view.fault() == 'next to a rock (flagged by height, measured height 0 cm)'
 
 
 def test_causes_need_depth() -> None:
@@ -267,16 +268,12 @@ def test_causes_need_depth() -> None:
     view.depth_m = None
     frame = view.frame()
     view.depth_m = depth_at(view.true_m)
-    with pytest.raises(ValueError, match='without depth'):
+    with pytest.raises(ValueError, match='needs true depth'):
         FrameCauses(view.detection(), frame)
 
 
-def test_a_cause_without_detail() -> None:
-    assert str(Cause('noise')) == 'noise'
-
-
 @pytest.mark.parametrize('angle_deg', [0.0, 17.0, 30.0])
-def test_the_slope_of_a_ramp(angle_deg: float) -> None:
+def test_slope_of_a_ramp(angle_deg: float) -> None:
     x, z = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 80), np.linspace(2, 4, 80)))
     y = -math.tan(math.radians(angle_deg)) * z
     points = np.column_stack((x, y, z)).astype(np.float32)
@@ -285,7 +282,7 @@ def test_the_slope_of_a_ramp(angle_deg: float) -> None:
     assert math.isnan(slope_deg(points[:20], (0.0, -1.0, 0.0)))
 
 
-def test_quantiles_are_of_what_is_known() -> None:
+def test_quantiles_ignore_nan() -> None:
     values = np.array([np.nan, 1.0, 2.0, 3.0])
     assert median(values) == 2.0
     assert top(values) == pytest.approx(2.96)

@@ -1,4 +1,4 @@
-"""Hand-made masks give figures that were worked out by hand."""
+"""Figures of hand-made masks against values worked out by hand."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def mask_of(*areas: tuple[slice, ...] | slice) -> NDArray[np.uint8]:
     return mask
 
 
-def test_all_right() -> None:
+def test_perfect_mask() -> None:
     figures = score(mask_of(ROCK, OTHER_ROCK), *frame())
     assert figures == Figures(
         frames=1, true_positives=600, true_negatives=3400, rocks=2, rocks_found=2
@@ -45,19 +45,19 @@ def test_all_right() -> None:
     assert figures.false_alarms_per_frame == 0.0
 
 
-def test_all_wrong() -> None:
+def test_inverted_mask() -> None:
     figures = score(255 - mask_of(ROCK, OTHER_ROCK), *frame())
     assert figures == Figures(frames=1, false_positives=3400, false_negatives=600, rocks=2)
     assert figures.precision == figures.recall == figures.f1 == figures.iou == 0.0
 
 
-def test_nothing_predicted_has_no_precision() -> None:
+def test_empty_mask_has_no_precision() -> None:
     figures = score(mask_of(), *frame())
     assert figures.precision is None
     assert figures.recall == 0.0
 
 
-def test_nothing_there_has_no_recall() -> None:
+def test_frame_without_obstacles_has_no_recall() -> None:
     nothing = np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint16)
     figures = score(mask_of(), *nothing)
     assert figures.recall is None
@@ -66,7 +66,7 @@ def test_nothing_there_has_no_recall() -> None:
     assert Figures().false_alarms_per_frame is None
 
 
-def test_half_a_rock_is_found_and_one_pixel_less_is_not() -> None:
+def test_rock_is_found_if_half_of_it_is_flagged() -> None:
     half = mask_of(np.s_[20:30, 10:30])
     figures = score(half, *frame())
     assert (figures.rocks, figures.rocks_found) == (2, 1)
@@ -78,7 +78,7 @@ def test_half_a_rock_is_found_and_one_pixel_less_is_not() -> None:
     assert score(half, *frame()).rocks_found == 0
 
 
-def test_a_rock_under_200_pixels_is_no_obstacle_to_find() -> None:
+def test_rock_of_less_than_200_pixels_does_not_count_as_obstacle() -> None:
     labels, instances = frame()
     labels[20, 50] = 255
     figures = score(mask_of(ROCK), labels, instances)
@@ -86,14 +86,14 @@ def test_a_rock_under_200_pixels_is_no_obstacle_to_find() -> None:
     assert figures.false_negatives == 199
 
 
-def test_a_blob_on_the_sky_counts_for_nothing() -> None:
+def test_blob_in_the_sky_does_not_count() -> None:
     figures = score(mask_of(np.s_[:10, :40]), *frame())
     assert figures.false_positives == 0
     assert figures.false_alarms == 0
     assert figures.precision is None
 
 
-def test_an_ambiguous_rock_counts_neither_way() -> None:
+def test_uncounted_rock_may_be_flagged_or_not() -> None:
     labels, instances = frame()
     labels[OTHER_ROCK] = 255
     for mask in (mask_of(ROCK), mask_of(ROCK, OTHER_ROCK)):
@@ -103,18 +103,18 @@ def test_an_ambiguous_rock_counts_neither_way() -> None:
         )
 
 
-def test_a_blob_of_100_counted_pixels_is_a_false_alarm() -> None:
+def test_blob_of_100_counted_pixels_is_a_false_alarm() -> None:
     assert score(mask_of(np.s_[45:55, 30:40]), *frame()).false_alarms == 1
     assert score(mask_of(np.s_[45:54, 30:41]), *frame()).false_alarms == 0
 
 
-def test_blobs_that_touch_at_a_corner_are_one() -> None:
+def test_blobs_touching_at_a_corner_are_one() -> None:
     mask = mask_of(np.s_[45:50, 30:40], np.s_[50:55, 40:50])
     assert score(mask, *frame()).false_alarms == 1
 
 
-def test_a_tenth_on_truth_is_no_false_alarm() -> None:
-    # 20 wide: each row on the rock adds 20 pixels of truth to the 180 beside it.
+def test_blob_with_a_tenth_on_an_obstacle_is_no_false_alarm() -> None:
+    # One row of 20 pixels on the rock, nine rows below it.
     tenth = mask_of(np.s_[39:49, 10:30])
     assert score(tenth, *frame()).false_alarms == 0
     less = mask_of(np.s_[39:49, 10:30], np.s_[49, 10])
@@ -123,12 +123,12 @@ def test_a_tenth_on_truth_is_no_false_alarm() -> None:
     assert figures.false_positives == 181
 
 
-def test_a_tenth_on_uncounted_pixels_is_no_false_alarm() -> None:
+def test_blob_with_a_tenth_on_uncounted_pixels_is_no_false_alarm() -> None:
     assert score(mask_of(np.s_[9:19, 40:60]), *frame()).false_alarms == 0
     assert score(mask_of(np.s_[9:20, 40:60]), *frame()).false_alarms == 1
 
 
-def test_slopes_and_drops_are_obstacles_from_2000_pixels() -> None:
+def test_slopes_and_drops_count_from_2000_pixels() -> None:
     labels, instances = np.zeros((100, 100), np.uint8), np.zeros((100, 100), np.uint16)
     labels[:40, :50] = 2
     labels[60:, :49] = 3
@@ -139,10 +139,10 @@ def test_slopes_and_drops_are_obstacles_from_2000_pixels() -> None:
     assert figures.obstacles == 1
     labels[40, 0] = 3
     figures = score(flagged, labels, instances)
-    assert (figures.areas, figures.areas_found) == (1, 0), 'slope and drop that touch are one area'
+    assert (figures.areas, figures.areas_found) == (1, 0), 'touching slope and drop are one area'
 
 
-def test_sums_pool_the_counts() -> None:
+def test_adding_figures_pools_the_counts() -> None:
     found, missed = score(mask_of(ROCK), *frame()), score(mask_of(), *frame())
     total = found + missed
     assert total.frames == 2
@@ -151,7 +151,20 @@ def test_sums_pool_the_counts() -> None:
     assert sum([found, missed], Figures()) == total
 
 
-def test_shapes_that_differ_are_refused() -> None:
+def test_missed_pixels_are_called_free_only_where_known() -> None:
+    known = np.zeros(SHAPE, bool)
+    known[:, 50:55] = True
+    known[20:30, 10:30] = True
+    figures = score(mask_of(ROCK), *frame(), known)
+    assert (figures.called_free, figures.checked_obstacle_pixels) == (100, 600)
+    assert figures.called_free_share == pytest.approx(1 / 6)
+    unreported = score(mask_of(ROCK), *frame())
+    assert unreported.called_free_share is None
+    assert (figures + unreported).called_free_share == figures.called_free_share
+    assert score(mask_of(), *frame(), ~known).called_free == 600 - 100 - 200
+
+
+def test_different_shapes_are_refused() -> None:
     labels, instances = frame()
     with pytest.raises(ValueError, match=r'\(10, 80\)'):
         score(labels[:10], labels, instances)
@@ -161,7 +174,7 @@ def test_shapes_that_differ_are_refused() -> None:
     arrays(np.bool_, (12, 15)),
     arrays(np.uint8, (12, 15), elements=st.sampled_from([0, 1, 2, 3, 255])),
 )
-def test_every_counted_pixel_is_counted_once(
+def test_every_counted_pixel_counts_once(
     mask: NDArray[np.bool_], labels: NDArray[np.uint8]
 ) -> None:
     figures = score(mask, labels, labels.astype(np.uint16))
@@ -171,7 +184,7 @@ def test_every_counted_pixel_is_counted_once(
     assert (figures.obstacle_pixels + figures.false_positives + figures.true_negatives) == counted
 
 
-def test_the_picture_has_a_colour_for_each_judgement() -> None:
+def test_overlay_has_a_colour_for_each_outcome() -> None:
     labels, _ = frame()
     left = np.full(SHAPE, 100, np.uint8)
     picture = judgement_picture(left, mask_of(ROCK, np.s_[50:55, 70:80]), labels)

@@ -1,4 +1,4 @@
-"""The detectors to compare: each finds what it can, and the listing is what was printed."""
+"""The compared methods, and the listing against the printed loops."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_every_method_has_a_description() -> None:
 
 
 @pytest.mark.parametrize('name', METHODS)
-def test_each_method_gives_a_mask_of_the_image(name: str) -> None:
+def test_method_returns_a_binary_mask(name: str) -> None:
     view = view_with_box()
     mask = made(name)(view.scene.camera, view.left, view.right)
     assert mask.shape == view.left.shape
@@ -58,7 +58,7 @@ def test_each_method_gives_a_mask_of_the_image(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', METHODS)
-def test_no_method_stumbles_over_a_blank_pair(name: str) -> None:
+def test_blank_pair_gives_an_empty_mask(name: str) -> None:
     view = view_with_box()
     blank = np.full(view.left.shape, 128, np.uint8)
     mask = made(name)(view.scene.camera, blank, blank)
@@ -67,24 +67,24 @@ def test_no_method_stumbles_over_a_blank_pair(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', SOLID)
-def test_what_measures_height_finds_a_tall_box(name: str) -> None:
+def test_3d_methods_find_a_tall_box(name: str) -> None:
     view = view_with_box()
     flagged = made(name)(view.scene.camera, view.left, view.right) != 0
     assert (flagged & view.obstacle).sum() >= 0.5 * view.obstacle.sum()
     far_off = ~cv2.dilate(view.obstacle.astype(np.uint8), np.ones((61, 61))).astype(bool)
-    # The coarse windows of the sparse pipeline reach far on so small an image.
+    # The windows of the sparse pipeline are coarse on so small an image.
     assert (flagged & far_off).mean() < (0.2 if name == 'wang' else 0.01)
 
 
 @pytest.mark.parametrize('name', ['depth_only', 'patchwork', 'cloth', 'wang'])
-def test_a_greater_clearance_lets_the_box_pass(name: str) -> None:
+def test_box_below_the_clearance_is_free(name: str) -> None:
     view = view_with_box()
     config = DetectorConfig(max_step=0.5)
     flagged = made(name, config)(view.scene.camera, view.left, view.right) != 0
     assert (flagged & view.obstacle).sum() < 0.2 * view.obstacle.sum()
 
 
-def test_dense_stereo_finds_the_disparities_and_the_ground_in_view() -> None:
+def test_dense_stereo_finds_disparity_and_ground() -> None:
     view = view_with_box()
     scene = match_densely(view.scene.camera, view.left, view.right, DetectorConfig())
     matched = scene.disparity > 0
@@ -96,7 +96,7 @@ def test_dense_stereo_finds_the_disparities_and_the_ground_in_view() -> None:
     assert scene.plane.pitch_deg == pytest.approx(46.0, abs=1.5)
 
 
-def test_the_level_cloud_has_the_ground_below_and_ahead() -> None:
+def test_level_cloud_has_the_ground_below_and_ahead() -> None:
     view = render(mast())
     scene = match_densely(view.scene.camera, view.left, view.right, DetectorConfig())
     cloud = scene.level_points(scene.disparity > 0)
@@ -107,26 +107,26 @@ def test_the_level_cloud_has_the_ground_below_and_ahead() -> None:
     assert (scene.level_points((scene.disparity > 0) & left_half)[:, 1] > 0).all(), 'y is left'
 
 
-def test_flat_ground_is_free_for_depth_alone() -> None:
+def test_depth_only_passes_sloping_flat_ground() -> None:
     view = render(mast(planes=(Plane.uphill(8.0),)))
     mask = made('depth_only')(view.scene.camera, view.left, view.right)
     assert (mask != 0).mean() < 0.002
 
 
-def test_an_unknown_method_is_refused_with_a_hint() -> None:
+def test_unknown_method_is_refused_with_a_hint() -> None:
     with pytest.raises(ConfigurationError, match=r"'hybird'.*did you mean hybrid\?"):
         make_method('hybird')
 
 
 @pytest.mark.parametrize('name', LIBRARIES)
-def test_a_missing_library_names_the_extra(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_names_the_extra(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, LIBRARIES[name], None)
     with pytest.raises(MissingExtraError, match=r'rover_obstacle_detection\[peers\]'):
         make_method(name)
 
 
 @pytest.mark.parametrize('name', LIBRARIES)
-def test_the_libraries_print_nothing(name: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_libraries_print_nothing(name: str, capfd: pytest.CaptureFixture[str]) -> None:
     view = view_with_box()
     made(name)(view.scene.camera, view.left, view.right)
     assert capfd.readouterr().out == ''
@@ -138,7 +138,7 @@ def textured(shape: tuple[int, int], seed: int = 0) -> NDArray[np.uint8]:
     return cv2.normalize(smooth, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
 
 
-def test_foerstner_points_lie_on_a_corner_not_on_an_edge() -> None:
+def test_foerstner_points_lie_on_corners_not_edges() -> None:
     grey = np.full((80, 80), 50, np.uint8)
     grey[40:, 40:] = 200
     points = foerstner_points(grey)
@@ -160,7 +160,7 @@ def test_sparse_matching_recovers_a_shift() -> None:
     assert np.median(np.abs(disparity[matched] - 12)) < 0.05
 
 
-def test_guided_matching_is_finer_than_a_pixel() -> None:
+def test_guided_matching_is_subpixel_accurate() -> None:
     view = view_with_box()
     grey_left, grey_right = grey_pair(view.left, view.right, view.scene.camera)
     matches = without_outliers(correlate_points(grey_left, grey_right, view.scene.camera, 0.3))
@@ -169,14 +169,14 @@ def test_guided_matching_is_finer_than_a_pixel() -> None:
     assert np.median(np.abs(disparity - view.disparity)[matched]) < 0.15
 
 
-def test_clusters_part_grey_levels() -> None:
+def test_clusters_separate_grey_levels() -> None:
     grey = np.repeat(np.array([10, 90, 160, 240], np.uint8), 100).reshape(20, 20)
     clusters = cluster_levels(grey)
     assert len({int(clusters.ravel()[100 * index]) for index in range(4)}) == 4
     assert (clusters.ravel()[:100] == clusters[0, 0]).all()
 
 
-def test_a_region_needs_an_edge_around_it() -> None:
+def test_region_without_edges_is_dropped() -> None:
     area = np.zeros((100, 100), bool)
     area[10:30, 10:30] = area[60:80, 60:80] = True
     edges = np.zeros_like(area)
@@ -187,7 +187,7 @@ def test_a_region_needs_an_edge_around_it() -> None:
 
 
 def listing_as_printed(camera: StereoCamera, left_img: Any, right_img: Any) -> NDArray[np.uint8]:
-    """Study, section 4.2, its loops over the whole image and all; Q and the two lines mended."""
+    """Section 4.2 of the study with its loops over the whole image; three lines corrected."""
     stereo = cv2.StereoSGBM_create(
         minDisparity=0,
         numDisparities=16 * 3,
@@ -263,7 +263,7 @@ def listing_as_printed(camera: StereoCamera, left_img: Any, right_img: Any) -> N
     return cv2.morphologyEx(image, cv2.MORPH_OPEN, kernel, iterations=2)
 
 
-def test_the_listing_flags_what_the_printed_one_flags() -> None:
+def test_listing_matches_the_printed_loops() -> None:
     view = view_with_box()
     left = view.left.copy()
     # Several regions, a dark one among them.

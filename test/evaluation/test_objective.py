@@ -1,4 +1,4 @@
-"""One number for a detector: overlap less what mistakes cost, over scenes."""
+"""The tuning score."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def scene(hit: int, missed: int, found: int, rocks: int, **others: int) -> Figur
     )
 
 
-def test_perfect_is_1() -> None:
+def test_perfect_score_is_1() -> None:
     assert score_of([scene(50, 0, 2, 2), EMPTY], Weights()) == 1.0
 
 
-def test_blind_is_what_missing_everything_costs() -> None:
+def test_blind_detector_pays_for_every_miss() -> None:
     assert score_of([scene(0, 50, 0, 2), EMPTY], Weights(missed=0.3)) == pytest.approx(-0.3)
 
 
@@ -45,18 +45,18 @@ def test_each_term_is_a_mean_over_scenes() -> None:
     assert terms.score(Weights(missed=2.0, false_alarm=0.1)) == pytest.approx(0.7 - 0.6 - 0.1)
 
 
-def test_a_scene_with_obstacles_too_small_to_look_for_counts_by_its_pixels_only() -> None:
+def test_scene_with_small_obstacles_only_counts_by_pixels() -> None:
     terms = Terms.of([scene(30, 70, 0, 0)])
     assert terms.mean_iou == pytest.approx(0.3)
     assert terms.missed_share == 0.0
 
 
-def test_scenes_without_obstacles_tell_false_alarms_only() -> None:
+def test_empty_scenes_count_for_false_alarms_only() -> None:
     assert Terms.of([EMPTY]) == Terms(mean_iou=0.0, missed_share=0.0, false_alarms=0.0)
 
 
 @given(st.integers(0, 50), st.integers(0, 5), st.integers(1, 20))
-def test_frames_of_the_same_kind_change_nothing(hit: int, alarms: int, frames: int) -> None:
+def test_number_of_frames_does_not_change_the_score(hit: int, alarms: int, frames: int) -> None:
     one = scene(hit, 50 - hit, 1, 2, false_alarms=alarms)
     many = total([one] * frames)
     other = scene(10, 30, 1, 1)

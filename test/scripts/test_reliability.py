@@ -18,7 +18,7 @@ def judged(confidence, real):
     return JudgedObstacles(np.asarray(confidence, np.float64), np.asarray(real, bool))
 
 
-def test_an_obstacle_is_real_where_half_of_its_counted_pixels_are_on_obstacles():
+def test_obstacle_is_real_if_half_of_its_counted_pixels_lie_on_obstacles():
     numbers = np.zeros((6, 10), np.int32)
     for number in range(5):
         numbers[number, :8] = number + 1
@@ -33,12 +33,12 @@ def test_an_obstacle_is_real_where_half_of_its_counted_pixels_are_on_obstacles()
     assert is_real[is_judged].tolist() == [True, False, True]
 
 
-def test_nothing_is_judged_where_there_is_no_obstacle():
+def test_no_obstacles_are_judged_in_an_empty_frame():
     is_real, is_judged = judge(np.zeros((4, 5), np.int32), np.zeros((4, 5), np.uint8))
     assert is_real.shape == is_judged.shape == (0,)
 
 
-def test_a_detections_obstacles_are_judged_with_their_confidence():
+def test_obstacles_of_a_detection_keep_their_confidence():
     detection = small_detection()
     labels = np.where(detection.mask > 0, 1, 0).astype(np.uint8)
     found = JudgedObstacles.of(detection, labels)
@@ -50,13 +50,13 @@ def test_a_detections_obstacles_are_judged_with_their_confidence():
     assert len(unjudged.real) == len(unjudged.confidence) == 0
 
 
-def test_judged_obstacles_add_up():
+def test_adding_judged_obstacles_concatenates_them():
     both = judged([0.2], [False]) + judged([0.9, 0.8], [True, False])
     assert both.confidence.tolist() == [0.2, 0.9, 0.8]
     assert both.real.tolist() == [False, True, False]
 
 
-def test_bins_hold_what_lies_between_their_edges():
+def test_bins_include_their_lower_edge():
     bins = reliability(judged([0.0, 0.05, 0.1, 0.29, 0.95, 1.0], [0, 1, 0, 1, 1, 1]))
     assert [(each.low, each.high) for each in bins] == list(itertools.pairwise(EDGES))
     assert [each.count for each in bins] == [2, 2, 0, 0, 0, 2]
@@ -69,36 +69,36 @@ def test_bins_hold_what_lies_between_their_edges():
     assert last.share_real == 1
 
 
-def test_edges_may_be_chosen():
+def test_edges_can_be_chosen():
     bins = reliability(judged([0.4, 0.6], [0, 1]), edges=(0, 0.5, 1))
     assert [(each.count, each.share_real) for each in bins] == [(1, 0), (1, 1)]
 
 
-def test_error_is_how_far_the_confidence_is_from_the_share_on_average():
+def test_calibration_error_and_brier_score():
     obstacles = judged([0.05] * 4 + [0.95] * 4, [0, 0, 0, 1, 1, 1, 1, 1])
     assert obstacles.calibration_error() == pytest.approx((4 * 0.2 + 4 * 0.05) / 8)
     assert obstacles.brier_score() == pytest.approx((3 * 0.05**2 + 0.95**2 + 4 * 0.05**2) / 8)
 
 
-def test_separation_is_the_chance_that_the_surer_of_two_is_the_real_one():
+def test_separation_is_the_area_under_the_roc():
     assert judged([0.1, 0.2, 0.8, 0.9], [0, 0, 1, 1]).separation() == 1
     assert judged([0.1, 0.8, 0.2, 0.9], [0, 0, 1, 1]).separation() == 0.75
     assert judged([0.5, 0.5], [0, 1]).separation() == 0.5
 
 
 @pytest.mark.parametrize('obstacles', [judged([], []), judged([0.4, 0.7], [1, 1])])
-def test_without_both_kinds_there_is_no_separation(obstacles):
+def test_separation_needs_real_and_false_obstacles(obstacles):
     assert obstacles.separation() is None
 
 
-def test_without_obstacles_there_are_no_figures():
+def test_no_obstacles_have_no_figures():
     nothing = judged([], [])
     assert nothing.calibration_error() is None
     assert nothing.brier_score() is None
     assert [each.count for each in reliability(nothing)] == [0] * (len(EDGES) - 1)
 
 
-def test_the_table_has_a_row_for_each_bin_and_one_for_all():
+def test_table_has_a_row_for_each_bin_and_one_for_all():
     obstacles = judged([0.05, 0.07, 0.95, 0.97], [0, 1, 1, 1])
     table = reliability_table('hybrid, reported', obstacles)
     assert table.title == 'hybrid, reported'

@@ -1,1 +1,1 @@
-"""Detectors to compare: one call, a camera and two images in, a mask out."""
+"""Detectors to compare: from a camera and two images to a mask."""

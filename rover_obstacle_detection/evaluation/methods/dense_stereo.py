@@ -1,4 +1,4 @@
-"""Plain dense stereo, the input of the methods that look at geometry alone."""
+"""Plain dense stereo, the front end of the methods that use geometry alone."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.stereo.semi_global import Penalties, plain_disparity
 
 PENALTIES = Penalties(300, 1200)
+# Reduction of the images in which the disparity range is estimated.
 COARSE = 4
+# Largest disparity assumed when nothing matches, pixels.
+FALLBACK_DISPARITY_PX = 48.0
 
 
 @dataclass(frozen=True, eq=False)
 class DenseScene:
-    """A pair matched pixel by pixel, and the plane of its ground.
+    """Dense disparity and points of a pair, and its ground plane.
 
     Parameters
     ----------
@@ -33,7 +36,7 @@ class DenseScene:
     points : ndarray of float32, shape (height, width, 3)
         Left optical frame, metres; NaN where there is no match.
     plane : GroundPlane or None
-        None where too little was matched to tell.
+        None if too little was matched.
     """
 
     disparity: NDArray[np.float32]
@@ -41,17 +44,17 @@ class DenseScene:
     plane: GroundPlane | None
 
     def within(self, config: DetectorConfig) -> NDArray[np.bool_]:
-        """Pixels with a point in the range that is judged."""
+        """Mark the pixels between ``min_range`` and ``max_range``."""
         depth_m = self.points[..., 2]
         return (depth_m >= config.min_range) & (depth_m <= config.max_range)
 
     def level_points(self, where: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Points of some pixels in a level frame below the camera: z upward from its centre.
+        """Points of the marked pixels in a level frame centred at the left camera.
 
         Returns
         -------
         ndarray of float32, shape (n, 3)
-            x forward, y left, z up, metres, the left eye at the origin.
+            x forward, y left, z up, metres.
         """
         assert self.plane is not None
         up = np.asarray(self.plane.normal, np.float32)
@@ -64,7 +67,7 @@ class DenseScene:
 def match_densely(
     camera: StereoCamera, left: NDArray[Any], right: NDArray[Any], config: DetectorConfig
 ) -> DenseScene:
-    """Match a pair with SGBM over the disparities that it holds, and fit the ground plane."""
+    """Match a pair with plain SGBM and fit the ground plane; see `match_plainly`."""
     disparity = match_plainly(camera, left, right, config)
     plane = fit_plane(disparity, camera, config)
     return DenseScene(disparity, reproject(disparity, camera), plane)
@@ -73,7 +76,7 @@ def match_densely(
 def match_plainly(
     camera: StereoCamera, left: NDArray[Any], right: NDArray[Any], config: DetectorConfig
 ) -> NDArray[np.float32]:
-    """Match a pair with plain SGBM over the disparities that it holds.
+    """Match a pair with plain SGBM over the disparity range of the scene.
 
     Parameters
     ----------
@@ -85,9 +88,9 @@ def match_plainly(
     Returns
     -------
     ndarray of float32, shape (height, width)
-        Pixels, the camera's offset taken off; 0 where there is no match.
+        Pixels, without the camera's disparity offset; 0 where there is no match.
     """
-    # The hybrid's blocks are smaller, for it goes on refining.
+    # The hybrid's own block size is too small without its refinement.
     config = replace(config, method='study')
     grey_left, grey_right = grey_pair(left, right, camera)
     count = _disparities_in_view(grey_left, grey_right, camera, config)
@@ -97,7 +100,7 @@ def match_plainly(
 def fit_plane(
     disparity: NDArray[np.float32], camera: StereoCamera, config: DetectorConfig
 ) -> GroundPlane | None:
-    """Fit the plane of the ground robustly; half the clearance still counts as ground."""
+    """Fit the ground plane robustly, with half of ``max_step`` as tolerance."""
     plane = fit_ground_plane(
         disparity,
         camera,
@@ -109,7 +112,7 @@ def fit_plane(
 
 
 def height_above(plane: GroundPlane, points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Distance of points above a plane, metres."""
+    """Height of points above a plane, metres."""
     return points @ np.asarray(plane.normal, np.float32) + np.float32(plane.height_m)
 
 
@@ -121,16 +124,16 @@ def _disparities_in_view(
 ) -> int:
     size = (camera.width // COARSE, camera.height // COARSE)
     small_left, small_right = (
-        np.asarray(cv2.resize(eye, size, interpolation=cv2.INTER_AREA), np.uint8)
-        for eye in (left, right)
+        np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        for image in (left, right)
     )
     small = camera.resized(*size)
     count = max(16, round(small.width * 0.4) // 16 * 16)
     coarse = plain_disparity(small_left, small_right, small, count, config, PENALTIES)
     matched = coarse[coarse > 0]
-    # The left border is blind over the whole coarse range: the margin is for what it hides.
-    largest = 48.0
+    largest = FALLBACK_DISPARITY_PX
     if matched.size:
         searched = float(np.percentile(matched, 99.9)) + small.disparity_offset
+        # Nearer surfaces may hide in the left border, which SGBM cannot match.
         largest = searched * COARSE * 1.15 + 4
     return max(16, min(-(-int(largest) // 16), camera.width // 32) * 16)

@@ -1,4 +1,4 @@
-"""3D only: a robust ground plane, and what stands above it or lies below it."""
+"""3D only: distance from a robust ground plane."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rover_obstacle_detection.evaluation.methods.method import Mask, as_mask
 
 
 class DepthOnly:
-    """Flags points farther than ``max_step`` from the ground plane, above or below."""
+    """Flags points more than ``max_step`` above or below the ground plane."""
 
     def __init__(self, config: DetectorConfig) -> None:
         self._config = config

@@ -1,4 +1,4 @@
-"""The package's own detector as a method to compare."""
+"""The package's own detector as a method."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rover_obstacle_detection.evaluation.methods.method import Mask
 
 
 class DetectorMethod:
-    """`Detector`, made anew when the camera changes.
+    """Runs `Detector`, making a new one when the camera changes.
 
     Parameters
     ----------
     config : DetectorConfig
     leave_out : frozenset of str
-        Stages of the hybrid to do without.
+        Stages of the hybrid to leave out.
     """
 
     def __init__(self, config: DetectorConfig, leave_out: frozenset[str] = frozenset()) -> None:
@@ -29,7 +29,7 @@ class DetectorMethod:
         self._detector: Detector | None = None
 
     def detect(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Detection:
-        """Find obstacles, with every step on the way."""
+        """Find obstacles and return all intermediate products."""
         if self._detector is None or self._detector.camera != camera:
             self._detector = Detector(camera, self._config, **self._changes)
         return self._detector.detect(left, right)

@@ -1,4 +1,4 @@
-"""2D only: Canny edges around k-means regions (the study's references 3 and 4)."""
+"""2D only: Canny edges around k-means regions (references 3 and 4 of the study)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from rover_obstacle_detection.detection.study.morphology import close_then_open
 from rover_obstacle_detection.evaluation.methods.method import Mask, as_mask
 
 CLUSTERS = 4
+# Pixels that k-means runs on; all of them would take seconds.
 SAMPLES = 20000
+# Region size as a share of the image: 100 pixels to a tenth of 1024 x 768.
 MIN_REGION_SHARE = 0.00013
 MAX_REGION_SHARE = 0.1
+# Share of a region's outline that must lie on an edge.
 MIN_EDGE_SHARE = 0.5
 
 
 class ImageOnly:
-    """Flags regions that differ in grey level from the ground and have an edge around them.
+    """Flags regions that differ in grey level from the ground and are bounded by edges.
 
-    The grey levels fall into clusters by k-means; the one with the most pixels is the ground.
-    A connected region of another cluster is an obstacle when Canny edges run along at least half
-    of its outline and it is neither speck nor landscape (100 pixels to a tenth of 1024 x 768).
+    K-means clusters the grey levels; the largest cluster is the ground. A connected region of
+    another cluster is an obstacle if it is neither tiny nor huge and Canny edges run along at
+    least half of its outline.
     """
 
     def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:
@@ -43,7 +46,7 @@ class ImageOnly:
 
 
 def cluster_levels(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Give each pixel the number of its k-means cluster of grey levels."""
+    """Cluster grey levels with k-means; return the cluster number of each pixel."""
     generator = np.random.default_rng(0)
     sample = generator.choice(grey.ravel(), min(SAMPLES, grey.size)).astype(np.float32)
     quantiles = np.quantile(sample, (np.arange(CLUSTERS) + 0.5) / CLUSTERS)
@@ -57,14 +60,14 @@ def cluster_levels(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def edge_zone(grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Find pixels within two of a Canny edge, its thresholds from Otsu's."""
+    """Mark pixels within 2 px of a Canny edge; Otsu sets its thresholds."""
     high, _ = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     edges = cv2.Canny(grey, high / 2, high)
     return np.asarray(cv2.dilate(edges, np.ones((5, 5), np.uint8)) != 0)
 
 
 def edged_regions(area: NDArray[np.bool_], edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Keep the connected parts of middle size whose outline lies on edges."""
+    """Keep the connected components of suitable size whose outline lies on edges."""
     binary = area.astype(np.uint8)
     count, numbers, boxes, _ = cv2.connectedComponentsWithStats(binary, connectivity=4)
     inner = cv2.erode(binary, np.ones((3, 3), np.uint8), borderValue=0) != 0

@@ -1,4 +1,4 @@
-"""The study's listing, as printed, with only the repairs without which it does not run."""
+"""The study's listing as printed, with only the fixes it needs to run."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.evaluation.methods.method import Mask
 
+# The listing's thresholds under its own names: seeds, roughness (m), step (m), grey level.
 T1 = 10
 T2 = 0.0005
 T3 = 0.005
@@ -22,13 +23,12 @@ MIN_REGION_SIZE = 50
 
 
 class Listing:
-    """Study, section 4.2, its errors included.
+    """The listing of the study's section 4.2, errors included.
 
-    Repaired, since it raises otherwise: Q is passed to ``reprojectImageTo3D``; points that are
-    not finite are dropped along the last axis of a window, and the regressor takes their
-    column. Focal length and baseline are the camera's; the fixed ones of the listing are those
-    of the study's camera. Where the listing visits the whole image for each region and window,
-    only their part of it is touched here, with the same result.
+    Three fixes keep it from raising: Q is passed to ``reprojectImageTo3D``, the ``isfinite`` test
+    reduces the last axis of a window, and the regressor is a column. Focal length and baseline
+    are the camera's instead of fixed. Each region and window is processed in its own part of the
+    image instead of in the whole image; the result is bit-identical.
     """
 
     def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:

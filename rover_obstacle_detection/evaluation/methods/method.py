@@ -1,4 +1,4 @@
-"""The one call behind which every compared detector stands."""
+"""The interface of the compared methods."""
 
 from __future__ import annotations
 
@@ -32,5 +32,5 @@ class Method(Protocol):
 
 
 def as_mask(flagged: NDArray[np.bool_]) -> Mask:
-    """Turn True into 255."""
+    """Convert True to 255."""
     return flagged.astype(np.uint8) * np.uint8(255)

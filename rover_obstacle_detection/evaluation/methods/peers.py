@@ -1,4 +1,4 @@
-"""Ground filters made for lidar, fed with the stereo cloud."""
+"""Lidar ground filters on the stereo point cloud."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.evaluation.methods.dense_stereo import match_densely
 from rover_obstacle_detection.evaluation.methods.method import Mask
 
+# Points within this share of ``max_step`` of the filter's ground belong to it. Better than 1 on
+# the sample scenes: the foot of a rock is lower than its top.
 GROUND_SHARE_OF_STEP = 0.7
 PATCHWORK_MIN_RANGE_M = 0.1
+# Patchwork++'s zones end at this multiple of the rover's range; its lidar default of 80 m is
+# worse on the sample scenes.
 PATCHWORK_RANGE_FACTOR = 2.0
+# Cloth grid spacing, metres: as fine as the clearance.
 CLOTH_CELL_M = 0.1
 CLOTH_ITERATIONS = 500
 CLOTH_RIGIDNESS = 1
 
 
 class GroundFilter:
-    """A filter that tells ground from the rest of a level cloud, turned into a method.
-
-    What lies within 0.7 of ``max_step`` of a filter's ground belongs to it: on sample scenes that
-    does better than the whole, as the foot of a rock is lower than its top.
-    """
+    """Base class of methods that flag what a ground filter leaves of a level cloud."""
 
     def __init__(self, config: DetectorConfig) -> None:
         self._config = config
@@ -53,10 +54,7 @@ class GroundFilter:
 
 
 class Patchwork(GroundFilter):
-    """Patchwork++ (Lee, Lim, Myung 2022), its zones scaled to twice the rover's range.
-
-    Reflected-noise removal needs a lidar's intensity and is off.
-    """
+    """Patchwork++ (Lee, Lim, Myung 2022) without reflected-noise removal, a lidar feature."""
 
     def __init__(self, config: DetectorConfig) -> None:
         super().__init__(config)
@@ -114,7 +112,7 @@ def _library(method: str, module: str, package: str) -> Any:
 
 @contextlib.contextmanager
 def _silent_stdout() -> Iterator[None]:
-    # Both libraries print from C++, past sys.stdout.
+    # Both libraries print from C++, bypassing sys.stdout.
     sys.stdout.flush()
     saved = os.dup(1)
     with Path(os.devnull).open('w') as nowhere:

@@ -1,4 +1,4 @@
-"""The methods that can be compared, made by name."""
+"""Make methods by name."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ METHODS: dict[str, Callable[[DetectorConfig], Method]] = {
 }
 
 USE_CLEARANCE = ('hybrid', 'wang', 'depth_only', 'patchwork', 'cloth')
-"""Methods that ``max_step`` decides of, so that a curve over it means something."""
+"""Methods whose result depends on ``max_step``."""
 
 
 def make_method(name: str, config: DetectorConfig | None = None) -> Method:
-    """Make a method by its name, or the hybrid without a stage: ``hybrid without regions``.
+    """Make a method by name, or the hybrid without a stage: ``hybrid without regions``.
 
     Raises
     ------
     ConfigurationError
-        If there is no such method.
+        If the method does not exist.
     MissingExtraError
         If its library is not installed.
     """

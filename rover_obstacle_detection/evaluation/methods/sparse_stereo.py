@@ -11,31 +11,38 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 Points = NDArray[np.intp]
 Matches = NDArray[np.float64]
 
+# Förstner operator: window (pixels), and its usual thresholds on roundness and relative weight.
 FOERSTNER_WINDOW = 7
 MIN_ROUNDNESS = 0.5
 MIN_WEIGHT_OF_MEAN = 0.5
+# Least distance of interest points, pixels.
 SPACING = 7
+# Edge of the correlated patches, pixels, and the least correlation of a match.
 PATCH = 11
 MIN_CORRELATION = 0.8
 MIN_GUIDED_CORRELATION = 0.7
+# Largest row difference of a match, and distance from the epipolar line, pixels.
 ROW_TOLERANCE = 1
 RANSAC_PX = 1.0
+# Guided matching searches this far around the predicted disparity, pixels.
 SEARCH = 3
+# Points that the fundamental matrix needs.
+MIN_MATCHES = 8
 
 
 def foerstner_points(grey: NDArray[np.uint8]) -> Points:
-    """Find points that can be located well (Förstner and Gülch 1987).
+    """Find interest points (Förstner and Gülch 1987).
 
     Returns
     -------
     ndarray of int, shape (n, 2)
-        Row and column, ordered by rows.
+        Row and column, sorted by row.
 
     Notes
     -----
-    With the eigenvalues of the structure tensor, the weight is ``w = l1 l2 / (l1 + l2)`` and the
-    roundness ``q = 4 l1 l2 / (l1 + l2)^2``; kept are local maxima of w over half its mean with
-    q over 0.5.
+    From the eigenvalues of the structure tensor, the weight is ``w = l1 l2 / (l1 + l2)`` and the
+    roundness ``q = 4 l1 l2 / (l1 + l2)^2``. A point is a local maximum of w with w above half its
+    mean and q above 0.5.
     """
     eigen = cv2.cornerEigenValsAndVecs(grey, FOERSTNER_WINDOW, 3)
     product = eigen[..., 0] * eigen[..., 1]
@@ -53,12 +60,12 @@ def foerstner_points(grey: NDArray[np.uint8]) -> Points:
 def correlate_points(
     left: NDArray[np.uint8], right: NDArray[np.uint8], camera: StereoCamera, min_depth_m: float
 ) -> Matches:
-    """Match the interest points of both eyes by normalised correlation, best both ways.
+    """Match interest points of both images by normalised correlation, with a left-right check.
 
     Returns
     -------
     ndarray of float, shape (n, 4)
-        Column and row on the left, column and row on the right.
+        Column and row in the left image, column and row in the right image.
     """
     points_left, points_right = foerstner_points(left), foerstner_points(right)
     furthest = camera.disparity_at(min_depth_m) + camera.disparity_offset
@@ -68,7 +75,7 @@ def correlate_points(
     correlation = np.einsum('ij,ij->i', patches_left[first], patches_right[second])
     order = np.argsort(-correlation, kind='stable')
     order = order[correlation[order] >= MIN_CORRELATION]
-    # The first of each in order of correlation is its best partner.
+    # In order of correlation, the first match of each point is its best.
     best_of_left = np.zeros(len(order), bool)
     best_of_left[np.unique(first[order], return_index=True)[1]] = True
     best_of_right = np.zeros(len(order), bool)
@@ -80,8 +87,8 @@ def correlate_points(
 
 
 def without_outliers(matches: Matches) -> Matches:
-    """Drop matches off the epipolar geometry that RANSAC finds in them."""
-    if len(matches) < 8:
+    """Drop matches that violate the epipolar geometry estimated by RANSAC."""
+    if len(matches) < MIN_MATCHES:
         return matches[:0]
     _, inliers = cv2.findFundamentalMat(
         matches[:, :2], matches[:, 2:], cv2.FM_RANSAC, RANSAC_PX, 0.99
@@ -98,13 +105,13 @@ def guided_disparity(
     camera: StereoCamera,
     matches: Matches,
 ) -> NDArray[np.float32]:
-    """Match every pixel near the disparity that the triangles of matched points predict.
+    """Match every pixel near the disparity predicted by a mesh of the matched points.
 
     Returns
     -------
     ndarray of float32, shape (height, width)
-        Pixels, the camera's offset taken off, to a fraction of a pixel (parabola through the
-        correlation); 0 where nothing correlates well or no triangle lies.
+        Pixels, without the camera's disparity offset, interpolated by a parabola; 0 where the
+        correlation is low or the mesh ends.
     """
     predicted = _predict(matches, camera)
     rows, columns = np.indices(camera.shape, np.float32)
@@ -133,7 +140,7 @@ def guided_disparity(
 def _candidate_pairs(
     points_left: Points, points_right: Points, camera: StereoCamera, furthest: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Index pairs on nearly the same row with a possible disparity."""
+    """Index pairs on nearly the same row within the disparity range."""
     keys = points_right[:, 0] * camera.width + points_right[:, 1]
     first, second = [], []
     for row_step in range(-ROW_TOLERANCE, ROW_TOLERANCE + 1):
@@ -160,7 +167,7 @@ def _normalised_patches(grey: NDArray[np.uint8], points: Points) -> NDArray[np.f
 
 
 def _predict(matches: Matches, camera: StereoCamera) -> NDArray[np.float32]:
-    """Disparity on the triangles of a Delaunay mesh of the matches, NaN outside of it."""
+    """Interpolate disparity on a Delaunay mesh of the matches; NaN outside it."""
     predicted = np.full(camera.shape, np.nan, np.float32)
     if len(matches) < 3:
         return predicted
@@ -187,7 +194,7 @@ def _predict(matches: Matches, camera: StereoCamera) -> NDArray[np.float32]:
 
 
 def _correlation(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Normalised correlation of the windows around each pixel."""
+    """Normalised correlation of the patches around each pixel."""
     a, b = left.astype(np.float32), right.astype(np.float32)
 
     def mean(values: NDArray[np.float32]) -> NDArray[np.float32]:

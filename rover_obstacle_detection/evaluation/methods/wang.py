@@ -1,4 +1,4 @@
-"""The sparse pipeline of Wang et al. (2019), as section 4.1 of the study describes it."""
+"""The sparse pipeline of Wang et al. (2019) after section 4.1 of the study."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from rover_obstacle_detection.evaluation.methods.sparse_stereo import (
     without_outliers,
 )
 
+# 3D points lie on a grid of this spacing, pixels; a window holds 5 x 5 of them.
 GRID = 8
 WINDOW_POINTS = 5
+# Limits as shares of ``max_step``, chosen on the sample scenes: the study gives none.
 MAX_ROUGHNESS_SHARE = 0.1
 MAX_STEP_SHARE = 0.6
 
 
 class Wang:
-    """Interest points, guided matching, regions, then roughness and step, or grey level.
+    """Sparse matching, guided matching, regions, then roughness and step, or grey level.
 
-    The study gives no numbers for the original; here 3D points lie on a grid of 8 pixels and a
-    window holds 5 x 5 of them. As in the study, a seed region is flagged where its windows are
-    too rough (over a tenth of ``max_step``) or too stepped (over 0.6 of it), noise apart; T1,
-    T4, the bandwidths and the morphology are the study's. Judging a region as a whole does
-    worse: most rocks share a region with their ground.
+    As in the study, a seed region is flagged where the roughness or step of its windows exceeds
+    the limit by more than the noise. T1, T4, the bandwidths and the morphology are the study's.
+    Windows are flagged one by one because most rocks share a region with their ground.
     """
 
     def __init__(self, config: DetectorConfig) -> None:
@@ -78,7 +78,7 @@ class Wang:
         return sparse
 
     def _rises(self, sparse: NDArray[np.float32], camera: StereoCamera) -> NDArray[np.bool_]:
-        """Tell the pixels around which the ground is rough or stepped."""
+        """Mark the pixels around which the ground is rough or stepped."""
         plane = fit_plane(sparse, camera, self._config)
         if plane is None:
             return np.zeros(camera.shape, bool)
@@ -106,7 +106,7 @@ class Wang:
 
 
 def _grid_camera(camera: StereoCamera) -> StereoCamera:
-    """Return the camera whose pixels are the grid's points."""
+    """Camera whose pixels are the grid points."""
     assert camera.cx_right is not None
     return StereoCamera(
         width=-(-camera.width // GRID),
