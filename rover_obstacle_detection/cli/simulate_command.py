@@ -1,4 +1,4 @@
-"""``rover-obstacles simulate``: rendered scenes with exact truth as labelled bags."""
+"""``rover-obstacles simulate``: render scenes with ground truth as labelled bags."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.simulation.description import Scene
 
 DESCRIPTION = """\
-Render stereo scenes of a planet with exact truth, as labelled bags (rosbag2, mcap).
+Render planetary stereo scenes with ground truth, as labelled bags (rosbag2, mcap).
 
-Either one scene of named conditions, one over the other:
+Render one scene from named conditions; later conditions override earlier ones:
   rover-obstacles simulate crater low_sun_across --rig vga --output scenes
-or every scene of a suite, rendered once and kept in the user's cache:
+Or render every scene of a suite into the user's cache:
   rover-obstacles simulate --suite standard
 
-A labelled bag holds the four camera topics under /stereo, and on the same stamps /truth/labels,
-/truth/instances, /truth/depth, /truth/pose and /tf; /truth/scene says how it was made.
+A labelled bag holds the four camera topics under /stereo. /truth/labels, /truth/instances,
+/truth/depth, /truth/pose and /tf have the same stamps. /truth/scene holds all scene parameters.
 """
 EPILOG = """\
 examples:
@@ -50,12 +50,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument('conditions', nargs='*', metavar='CONDITION', help='see --list')
     one = parser.add_argument_group('one scene')
     one.add_argument('--rig', metavar='RIG', help='stereo camera (default: study)')
-    one.add_argument('--seed', metavar='N', type=int, help='another seed, another place')
+    one.add_argument('--seed', metavar='N', type=int, help='random seed of the scene (default: 1)')
     one.add_argument(
-        '--width', metavar='PX', type=positive_int, help="width of the images (default: the rig's)"
+        '--width', metavar='PX', type=positive_int, help='image width (default: that of the rig)'
     )
     one.add_argument(
-        '--frames', metavar='N', type=positive_int, help='a drive of so many pairs (default: 1)'
+        '--frames', metavar='N', type=positive_int, help='number of stereo pairs (default: 1)'
     )
     one.add_argument(
         '--set',
@@ -64,25 +64,29 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         action='append',
         default=[],
         dest='settings',
-        help='one parameter of the scene, such as light.sun_elevation_deg=20; may be repeated',
+        help='scene parameter, such as light.sun_elevation_deg=20; may be repeated',
     )
     one.add_argument('--name', help='name of the bag (default: rig, conditions and seed)')
     suite = parser.add_argument_group('a suite')
-    suite.add_argument('--suite', metavar='NAME', help='standard, or a YAML file of the same form')
     suite.add_argument(
-        '--only', metavar='PATTERN', help="its scenes whose names match, such as 'report_*'"
+        '--suite', metavar='NAME', help='standard, or a YAML file of the same format'
+    )
+    suite.add_argument(
+        '--only',
+        metavar='PATTERN',
+        help="render only scenes with matching names, such as 'report_*'",
     )
     parser.add_argument(
-        '--list', action='store_true', help='list rigs, conditions and parameters, and do nothing'
+        '--list', action='store_true', help='list rigs, conditions and parameters, then exit'
     )
     parser.add_argument(
         '-o',
         '--output',
         metavar='DIR',
         type=Path,
-        help="folder for the bags, each DIR/<scene> (default: the user's cache)",
+        help="write each bag to DIR/<scene> (default: the user's cache)",
     )
-    parser.add_argument('--force', action='store_true', help='replace bags that are there')
+    parser.add_argument('--force', action='store_true', help='replace existing bags')
     parser.set_defaults(run=run)
 
 
@@ -98,18 +102,18 @@ def _setting(text: str) -> tuple[str, Any]:
     try:
         return name, YAML(typ='safe').load(value)
     except YAMLError as error:
-        msg = f'{text!r}: {value!r} is not a value'
+        msg = f'{text!r}: {value!r} is not valid YAML'
         raise argparse.ArgumentTypeError(msg) from error
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Render what is not there yet, and print where the bags are.
+    """Render the scenes and print the paths of their bags.
 
     Raises
     ------
     ObstacleDetectionError
-        If a condition, rig, suite or parameter is not known, something is missing to render
-        with, or a bag cannot be written.
+        If a condition, rig, suite or parameter is unknown, the renderer is not installed, or a
+        bag cannot be written.
     """
     _check(arguments)
     if arguments.list:
@@ -137,7 +141,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _put_in_place(target: Path) -> Iterator[Path]:
-    """Offer a place for a bag, which takes the target's when it is complete."""
+    """Yield a temporary path, and move it to the target when the block completes."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f'.{target.name}-', dir=target.parent) as folder:
         path = Path(folder) / target.name
@@ -148,13 +152,14 @@ def _put_in_place(target: Path) -> Iterator[Path]:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    alone = ('conditions', 'rig', 'seed', 'width', 'frames', 'settings', 'name')
-    given = [name for name in alone if getattr(arguments, name)]
+    one_scene = ('conditions', 'rig', 'seed', 'width', 'frames', 'settings', 'name')
+    given = [name for name in one_scene if getattr(arguments, name) not in (None, [])]
     if arguments.suite and given:
-        msg = f'--suite has scenes of its own: {given[0]} has no place beside it'
+        option = {'conditions': 'conditions', 'settings': '--set'}.get(given[0], f'--{given[0]}')
+        msg = f'--suite cannot be combined with {option}'
         raise argparse.ArgumentTypeError(msg)
     if arguments.only and not arguments.suite:
-        msg = '--only chooses from a suite: give --suite'
+        msg = '--only needs --suite'
         raise argparse.ArgumentTypeError(msg)
     if not (arguments.suite or arguments.conditions or arguments.list):
         msg = 'nothing to render: give conditions (see --list) or --suite standard'
@@ -163,7 +168,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _scenes(arguments: argparse.Namespace) -> list[Scene]:
     from rover_obstacle_detection.errors import ConfigurationError
-    from rover_obstacle_detection.simulation.presets import scene_of
+    from rover_obstacle_detection.simulation.presets import overlay, scene_of
     from rover_obstacle_detection.simulation.suite import load_suite
 
     if arguments.suite:
@@ -180,20 +185,18 @@ def _scenes(arguments: argparse.Namespace) -> list[Scene]:
     name = arguments.name or '_'.join([rig, *arguments.conditions, str(seed)])
     parameters: dict[str, Any] = {}
     for dotted, value in arguments.settings:
-        place = parameters
-        *groups, last = dotted.split('.')
-        for group in groups:
-            place = place.setdefault(group, {})
-        place[last] = value
+        for name_part in reversed(dotted.split('.')):
+            value = {name_part: value}
+        parameters = overlay(parameters, value)
     if arguments.width:
         parameters['width'] = arguments.width
     if arguments.frames:
-        parameters.setdefault('drive', {})['frames'] = arguments.frames
+        parameters = overlay(parameters, {'drive': {'frames': arguments.frames}})
     return [scene_of(name, seed, arguments.conditions, rig, parameters)]
 
 
 def _targets(arguments: argparse.Namespace, scenes: list[Scene]) -> dict[str, Path]:
-    """Where each bag goes, unless it stays in the cache; refused before anything is rendered."""
+    """Return the output path of each scene, empty for the cache; check them before rendering."""
     from rover_obstacle_detection.errors import OutputError
 
     if arguments.output is None:
@@ -201,10 +204,10 @@ def _targets(arguments: argparse.Namespace, scenes: list[Scene]) -> dict[str, Pa
     targets = {scene.name: arguments.output / scene.name for scene in scenes}
     for target in targets.values():
         if target.exists() and not arguments.force:
-            msg = f'{target} exists already: give --force to replace it'
+            msg = f'{target} already exists: give --force to replace it'
             raise OutputError(msg)
         if target.exists() and not (target / 'metadata.yaml').is_file():
-            msg = f'{target} is not a bag: it is not replaced'
+            msg = f'{target} is not a bag and is not replaced'
             raise OutputError(msg)
     return targets
 
@@ -218,8 +221,8 @@ def _print_list() -> None:
     for rig in RIGS.values():
         print(
             f'  {rig.name:18} {rig.description}: {rig.width} x {rig.height}, '
-            f'{rig.horizontal_view_deg:.0f} degrees wide, baseline {rig.baseline_m:g} m, '
-            f'{rig.camera_height_m:g} m up, {rig.pitch_deg:g} degrees down'
+            f'{rig.horizontal_view_deg:.0f} degrees field of view, baseline {rig.baseline_m:g} m, '
+            f'height {rig.camera_height_m:g} m, pitch {rig.pitch_deg:g} degrees down'
         )
     print('conditions:')
     for name, preset in PRESETS.items():

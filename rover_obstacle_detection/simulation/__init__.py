@@ -1,1 +1,1 @@
-"""Rendered planetary scenes with exact truth: terrain, rocks, light, cameras, labelled bags."""
+"""Rendered planetary scenes with ground truth, written as labelled bags (extra ``sim``)."""

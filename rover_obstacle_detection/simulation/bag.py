@@ -1,9 +1,9 @@
-"""Labelled bags: a scene's frames and their truth as one recording."""
+"""Labelled bags: the stereo images and the ground truth of a scene in one recording."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ RIGHT_FRAME_ID = 'stereo_right_optical_frame'
 WORLD_FRAME_ID = 'world'
 
 _START_NS = 1_700_000_000_000_000_000
+"""Stamp of the first pair. A fixed one makes bags reproducible."""
+
 _IMAGE = 'sensor_msgs/msg/Image'
 _INFO = 'sensor_msgs/msg/CameraInfo'
 _POSE = 'geometry_msgs/msg/PoseStamped'
@@ -28,23 +30,16 @@ _TRANSFORM = 'tf2_msgs/msg/TFMessage'
 _TEXT = 'std_msgs/msg/String'
 
 
-def write_labelled_bag(
-    path: Path,
-    scene: Scene,
-    frames: Iterable[Frame],
-    on_frame: Callable[[int], None] = lambda done: None,
-) -> None:
+def write_labelled_bag(path: Path, scene: Scene, frames: Iterable[Frame]) -> None:
     """Write a labelled bag (rosbag2, mcap).
 
     Parameters
     ----------
     path : Path
-        The folder to make.
+        Folder to create.
     scene : Scene
-        Written along as JSON, on ``/truth/scene``.
+        Stored as JSON on ``/truth/scene``.
     frames : iterable of Frame
-    on_frame : callable
-        Called with the number of frames written.
 
     Raises
     ------
@@ -59,43 +54,42 @@ def write_labelled_bag(
             stamp_ns = _START_NS + round(number * scene.drive.period_s * 1e9)
             for topic, type_name, message in _messages(frame, stamp_ns, writer.factory):
                 writer.add(topic, type_name, message, stamp_ns)
-            on_frame(number + 1)
 
 
 def _messages(frame: Frame, stamp_ns: int, factory: Any) -> Iterable[tuple[str, str, Any]]:
+    """Yield topic, type and message of everything recorded with one pair."""
     left_header = make_header(stamp_ns, LEFT_FRAME_ID, factory)
     right_header = make_header(stamp_ns, RIGHT_FRAME_ID, factory)
-    for eye, header, image in (
+    for side, header, image in (
         ('left', left_header, frame.left),
         ('right', right_header, frame.right),
     ):
-        yield f'/stereo/{eye}/camera_info', _INFO, _camera_info(frame, eye, header, factory)
-        picture = encode_image(image, _encoding(image), header, factory)
-        yield f'/stereo/{eye}/image_rect', _IMAGE, picture
+        yield f'/stereo/{side}/camera_info', _INFO, _camera_info(frame, side, header, factory)
+        message = encode_image(image, _encoding(image), header, factory)
+        yield f'/stereo/{side}/image_rect', _IMAGE, message
     for name, array, encoding in (
         ('labels', frame.labels, 'mono8'),
         ('instances', frame.instances, 'mono16'),
         ('depth', frame.depth_m, '32FC1'),
     ):
         yield f'/truth/{name}', _IMAGE, encode_image(array, encoding, left_header, factory)
-    world_header = make_header(stamp_ns, WORLD_FRAME_ID, factory)
+    yield from _pose_messages(frame, make_header(stamp_ns, WORLD_FRAME_ID, factory), factory)
+
+
+def _pose_messages(frame: Frame, header: Any, factory: Any) -> Iterable[tuple[str, str, Any]]:
+    def geometry(name: str, **fields: Any) -> Any:
+        return factory.make(f'geometry_msgs/msg/{name}', **fields)
+
     position = dict(zip('xyz', map(float, frame.pose.position), strict=True))
-    quaternion = dict(zip('xyzw', frame.pose.quaternion, strict=True))
-    rotation = factory.make('geometry_msgs/msg/Quaternion', **quaternion)
-    pose = factory.make(
-        'geometry_msgs/msg/Pose',
-        position=factory.make('geometry_msgs/msg/Point', **position),
-        orientation=rotation,
-    )
-    yield '/truth/pose', _POSE, factory.make(_POSE, header=world_header, pose=pose)
-    transform = factory.make(
-        'geometry_msgs/msg/TransformStamped',
-        header=world_header,
+    rotation = geometry('Quaternion', **dict(zip('xyzw', frame.pose.quaternion, strict=True)))
+    pose = geometry('Pose', position=geometry('Point', **position), orientation=rotation)
+    yield '/truth/pose', _POSE, factory.make(_POSE, header=header, pose=pose)
+    transform = geometry(
+        'TransformStamped',
+        header=header,
         child_frame_id=LEFT_FRAME_ID,
-        transform=factory.make(
-            'geometry_msgs/msg/Transform',
-            translation=factory.make('geometry_msgs/msg/Vector3', **position),
-            rotation=rotation,
+        transform=geometry(
+            'Transform', translation=geometry('Vector3', **position), rotation=rotation
         ),
     )
     yield '/tf', _TRANSFORM, factory.make(_TRANSFORM, transforms=[transform])
@@ -107,9 +101,9 @@ def _encoding(image: NDArray[Any]) -> str:
     return 'mono8' if image.dtype == np.uint8 else 'mono16'
 
 
-def _camera_info(frame: Frame, eye: str, header: Any, factory: Any) -> Any:
+def _camera_info(frame: Frame, side: str, header: Any, factory: Any) -> Any:
     camera = frame.camera
-    shift = -camera.fx * camera.baseline_m if eye == 'right' else 0.0
+    shift = -camera.fx * camera.baseline_m if side == 'right' else 0.0
     k = [camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1]
     p = [camera.fx, 0, camera.cx, shift, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0]
     return factory.make(

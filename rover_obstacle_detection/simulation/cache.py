@@ -1,4 +1,4 @@
-"""Labelled bags kept from one call to the next: rendering takes longer than reading."""
+"""Cache of labelled bags, because rendering takes much longer than reading."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from rover_obstacle_detection.simulation.bag import write_labelled_bag
 from rover_obstacle_detection.simulation.description import Scene
 from rover_obstacle_detection.simulation.frames import STEPS_PER_FRAME, render
 
-# What only chooses scenes, and does not make them.
-_CHOOSERS = {'__init__.py', 'cache.py', 'presets.py', 'suite.py'}
+# These modules choose scenes but do not affect how a scene is rendered.
+_NOT_RENDERING = {'__init__.py', 'cache.py', 'presets.py', 'suite.py'}
 OnProgress = Callable[[int, int], None]
 
 
 def cache_folder() -> Path:
-    """Folder of the rendered bags: of the user, by the XDG rules."""
+    """Return the user's cache folder, following the XDG specification."""
     base = os.environ.get('XDG_CACHE_HOME')
     return (Path(base) if base else Path.home() / '.cache') / 'rover_obstacle_detection'
 
 
 def scene_key(scene: Scene) -> str:
-    """Name that changes with the scene and with the code that makes it."""
+    """Return a hash of the scene and of the code that renders it."""
     text = json.dumps(scene.to_mapping(), sort_keys=True) + _code_version()
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -36,20 +36,20 @@ def scene_key(scene: Scene) -> str:
 def simulated_bag(
     scene: Scene, folder: Path, on_progress: OnProgress = lambda done, expected: None
 ) -> Path:
-    """Return the labelled bag of a scene, rendered only if a folder does not have it yet.
+    """Return the labelled bag of a scene, rendering it if it is not in the cache.
 
     Parameters
     ----------
     scene : Scene
     folder : Path
-        Such as `cache_folder`.
+        The cache, such as `cache_folder`.
     on_progress : callable
-        Called with the steps done and the steps expected.
+        Called with the steps done and the total.
 
     Raises
     ------
     MissingExtraError
-        If it must be rendered, and Mitsuba or its LLVM is not installed.
+        If the scene must be rendered and Mitsuba or LLVM is missing.
     OutputError
         If the bag cannot be written.
     """
@@ -61,13 +61,13 @@ def simulated_bag(
     except OSError as error:
         msg = f'cannot write into {folder}: {error.strerror}'
         raise OutputError(msg) from error
-    with TemporaryDirectory(prefix='.rendering-', dir=path.parent) as own:
-        rendered = Path(own) / scene.name
+    with TemporaryDirectory(prefix='.rendering-', dir=path.parent) as temporary:
+        rendered = Path(temporary) / scene.name
         render_bag(scene, rendered, on_progress)
         try:
             rendered.rename(path)
         except OSError:
-            # Another process was faster: the same scene always gives the same bag.
+            # Another process may have finished first. Its bag is identical.
             if not path.exists():
                 raise
     return path
@@ -94,7 +94,7 @@ def _code_version() -> str:
     digest = hashlib.sha256()
     folder = resources.files(__package__)
     for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        if entry.name.endswith('.py') and entry.name not in _CHOOSERS:
+        if entry.name.endswith('.py') and entry.name not in _NOT_RENDERING:
             digest.update(entry.read_bytes())
     try:
         digest.update(metadata.version('mitsuba').encode())

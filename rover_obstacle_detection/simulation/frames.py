@@ -1,4 +1,4 @@
-"""One stereo pair of a scene with its truth."""
+"""Render the stereo pairs of a scene with their ground truth."""
 
 from __future__ import annotations
 
@@ -10,36 +10,45 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.simulation import labels as labelling
+from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.description import Scene
 from rover_obstacle_detection.simulation.ground_mesh import fan, fan_mesh, surrounding_mesh
-from rover_obstacle_detection.simulation.poses import CameraPose, drive, eye_pose
+from rover_obstacle_detection.simulation.poses import CameraPose, drive, right_of
 from rover_obstacle_detection.simulation.renderer import Hits, Renderer, load_mitsuba
 from rover_obstacle_detection.simulation.rock_shapes import RockMaker, RockMesh
 from rover_obstacle_detection.simulation.rocks import scatter
-from rover_obstacle_detection.simulation.sensor import Exposure, automatic_exposure, develop
+from rover_obstacle_detection.simulation.sensor import automatic_exposure, develop
 from rover_obstacle_detection.simulation.sky import make_light, through_haze
 from rover_obstacle_detection.simulation.soil import PALETTES, Soil
 from rover_obstacle_detection.simulation.terrain import Terrain
 
 Floats = NDArray[np.float32]
 STEPS_PER_FRAME = 4
+"""Progress steps: scene, labels, left image, right image."""
 _TEXELS_PER_CELL = 2
+"""Soil texels along each side of a cell of the ground mesh."""
+_SMALLEST_ROCK_PX = 2.0
+"""Narrower rocks are not meshed."""
+_NEAREST_ROCK_M = 0.3
+"""Bounds the apparent size, and so the mesh resolution, of rocks next to the camera."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A stereo pair and what is true of its left image.
+    """A stereo pair with the ground truth of its left image.
 
     Parameters
     ----------
     left, right : ndarray of uint8 or uint16
-        Shape (height, width), or (height, width, 3) red green blue for a rig in colour.
+        Shape (height, width), or (height, width, 3) in RGB for a colour rig.
     labels : ndarray of uint8, shape (height, width)
+        See `labels.label`.
     instances : ndarray of uint16, shape (height, width)
+        Rock number; 0 for ground and sky.
     depth_m : ndarray of float32, shape (height, width)
-        NaN where there is no surface.
+        Along the optical axis; NaN where there is no surface.
     pose : CameraPose
-        Of the left eye.
+        Of the left camera.
     camera : StereoCamera
     """
 
@@ -53,7 +62,7 @@ class Frame:
 
 
 class SceneWorld:
-    """A scene's terrain, rocks and light, and the poses it is seen from.
+    """The terrain, rocks and light of a scene, and the camera poses of its drive.
 
     Parameters
     ----------
@@ -74,20 +83,20 @@ class SceneWorld:
         self.light = make_light(scene.light, scene.soil.world)
 
     def rock_mesh(self, pose: CameraPose) -> RockMesh:
-        """Make the rocks that matter to one view, as fine as it sees them."""
+        """Mesh the rocks visible from a pose, at the resolution of the image."""
         rocks = self.rocks
         x, y = pose.ground_below
         distance = np.hypot(rocks.x_m - x, rocks.y_m - y)
-        eye_m = self.rig.camera_height_m
-        size_px = self.camera.fx * rocks.diameter_m / np.maximum(np.hypot(distance, eye_m), 0.3)
-        chosen = np.flatnonzero(size_px > 2.0)
+        range_m = np.maximum(np.hypot(distance, self.rig.camera_height_m), _NEAREST_ROCK_M)
+        size_px = self.camera.fx * rocks.diameter_m / range_m
+        chosen = np.flatnonzero(size_px > _SMALLEST_ROCK_PX)
         ground = self.terrain.height(
             rocks.x_m[chosen].astype(np.float32), rocks.y_m[chosen].astype(np.float32)
         )
         return self.rock_maker.mesh(rocks, chosen, ground.astype(np.float64), size_px[chosen])
 
     def renderer(self, pose: CameraPose, rocks: RockMesh) -> Renderer:
-        """Build what one view sees."""
+        """Build the renderer of one pose."""
         places = fan(self.rig, self.camera, pose)
         texture = self.soil.texture(places.refined(_TEXELS_PER_CELL), self.terrain)
         cosine, sine = np.cos(pose.heading_rad), np.sin(pose.heading_rad)
@@ -103,20 +112,15 @@ class SceneWorld:
         )
 
     def label(self, hits: Hits, pose: CameraPose, rocks: RockMesh) -> NDArray[np.uint8]:
-        """Label the pixels of the left eye."""
-        x_over_z, y_over_z = self.camera.rays()
-        ray = np.stack(np.broadcast_arrays(x_over_z, y_over_z, np.float32(1)), axis=2).astype(
-            np.float64
-        )
-        points = pose.to_world(ray * hits.depth_m[..., np.newaxis])
+        """Label the pixels of the left image."""
+        rays = np.stack(np.broadcast_arrays(*self.camera.rays(), np.float32(1)), axis=2)
+        points = pose.to_world(rays.astype(np.float64) * hits.depth_m[..., np.newaxis])
         with np.errstate(invalid='ignore'):
             seen = points[hits.depth_m <= self.scene.truth.range_m]
         if not len(seen):
             return np.full(hits.depth_m.shape, labelling.NOT_COUNTED, np.uint8)
         low, high = seen.min(0), seen.max(0)
-        ground = labelling.local_ground(
-            self.terrain.height, (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
-        )
+        ground = labelling.local_ground(self.terrain.height, low[:2].tolist(), high[:2].tolist())
         return labelling.label(
             points,
             hits.depth_m,
@@ -130,7 +134,7 @@ class SceneWorld:
 def rock_heights(
     rocks: RockMesh, ground: labelling.LocalGround, number: int
 ) -> NDArray[np.float32]:
-    """Height of each rock's top above the local ground, by instance number, metres."""
+    """Return the height (m) of each rock above the local ground, by instance number."""
     heights = np.zeros(number + 1, np.float32)
     x, y, z = rocks.vertices.T
     above = z - ground.read(ground.height_m, x, y)
@@ -140,13 +144,13 @@ def rock_heights(
 
 
 def render(scene: Scene, on_step: Callable[[], None] = lambda: None) -> Iterator[Frame]:
-    """Render the frames of a scene, one after the other.
+    """Render the frames of a scene.
 
     Parameters
     ----------
     scene : Scene
     on_step : callable
-        Called `STEPS_PER_FRAME` times a frame.
+        Called `STEPS_PER_FRAME` times per frame.
 
     Raises
     ------
@@ -155,7 +159,7 @@ def render(scene: Scene, on_step: Callable[[], None] = lambda: None) -> Iterator
     """
     load_mitsuba()
     world = SceneWorld(scene)
-    exposure: Exposure | None = None
+    exposure: float | None = None
     for number, pose in enumerate(world.poses):
         rocks = world.rock_mesh(pose)
         renderer = world.renderer(pose, rocks)
@@ -165,16 +169,16 @@ def render(scene: Scene, on_step: Callable[[], None] = lambda: None) -> Iterator
         on_step()
         left = _light(world, renderer, world.camera, pose, hits, (number, 0))
         on_step()
-        right_camera, right_pose = right_eye(scene, world.camera, pose)
-        right_hits = renderer.cast(right_camera, right_pose)
-        right = _light(world, renderer, right_camera, right_pose, right_hits, (number, 1))
+        camera, right_pose = right_camera(scene, world.camera, pose)
+        right_hits = renderer.cast(camera, right_pose)
+        right = _light(world, renderer, camera, right_pose, right_hits, (number, 1))
         on_step()
         if exposure is None:
-            # Held for the whole drive, as a rover's is for the frames of one traverse.
+            # Fixed during the drive, as on a rover during a traverse.
             exposure = automatic_exposure(left, ~np.isnan(hits.depth_m))
         yield Frame(
-            left=_picture(world, left, exposure, (number, 0)),
-            right=_picture(world, right, exposure, (number, 1)),
+            left=_image(world, left, exposure, (number, 0)),
+            right=_image(world, right, exposure, (number, 1)),
             labels=labels,
             instances=hits.instances,
             depth_m=hits.depth_m,
@@ -183,12 +187,12 @@ def render(scene: Scene, on_step: Callable[[], None] = lambda: None) -> Iterator
         )
 
 
-def right_eye(
-    scene: Scene, camera: StereoCamera, pose: CameraPose
+def right_camera(
+    scene: Scene, left: StereoCamera, pose: CameraPose
 ) -> tuple[StereoCamera, CameraPose]:
-    """Return the right eye as it is: with the scene's rectification error."""
-    moved = replace(camera, cy=camera.cy - scene.sensor.row_error_px)
-    return moved, eye_pose(pose, camera.baseline_m, scene.sensor.roll_error_deg)
+    """Return the actual right camera, including the rectification error of the scene."""
+    camera = replace(left, cy=left.cy - scene.sensor.row_error_px)
+    return camera, right_of(pose, left.baseline_m, scene.sensor.roll_error_deg)
 
 
 def _light(
@@ -197,25 +201,26 @@ def _light(
     camera: StereoCamera,
     pose: CameraPose,
     hits: Hits,
-    number_and_eye: tuple[int, int],
+    stream: tuple[int, int],
 ) -> Floats:
+    """Render the light of one image; `stream` is the frame number and 0 (left) or 1 (right)."""
     scene = world.scene
-    # Noise that both eyes share would be matched as if it were ground.
-    rng = np.random.default_rng([scene.seed, 8, *number_and_eye])
+    # Stereo would match render noise that both images share.
+    rng = np.random.default_rng([scene.seed, streams.LIGHT_PATHS, *stream])
     seed = int(rng.integers(0, 2**31))
     radiance = renderer.radiance(camera, pose, scene.sensor.samples, seed)
     return through_haze(radiance, hits.depth_m, world.light, scene.light.haze_m)
 
 
-def _picture(
-    world: SceneWorld, light: Floats, exposure: Exposure, number_and_eye: tuple[int, int]
+def _image(
+    world: SceneWorld, light: Floats, exposure: float, stream: tuple[int, int]
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     sensor = world.scene.sensor
     return develop(
         light,
         sensor,
         exposure,
-        np.random.default_rng([world.scene.seed, 7, *number_and_eye]),
-        gain=sensor.right_gain if number_and_eye[1] else 1.0,
+        np.random.default_rng([world.scene.seed, streams.SENSOR, *stream]),
+        gain=sensor.right_gain if stream[1] else 1.0,
         colour=world.rig.colour and sensor.bits == 8,
     )

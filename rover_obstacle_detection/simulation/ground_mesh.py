@@ -1,43 +1,52 @@
-"""The ground as triangles: as fine as the image where it looks, coarse elsewhere."""
+"""Ground meshes: at image resolution inside the view, coarse outside."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.simulation.poses import CameraPose
+from rover_obstacle_detection.simulation.poses import CameraPose, HeightFunction
 from rover_obstacle_detection.simulation.rigs import Rig
 
 Floats = NDArray[np.float32]
-HeightFunction = Callable[[Floats, Floats], Floats]
 
 _CELL_PX = 1.5
+"""Size of a mesh cell in the image."""
 _FINEST_M = 0.003
+"""Smallest mesh cell. Finer relief is a bump map."""
 _FARTHEST_M = 420.0
+_SIDE_GROWTH, _SIDE_COLUMNS = 1.17, 33
+"""Columns outside the view widen by this factor, to cast shadows and light into it."""
+_VIEW_MARGIN = 1.3
+"""Width of the fine columns relative to the view, to include the right camera's view."""
+_LONGEST_CELL = 6.0
+"""Longest cell relative to its width. Far ground is foreshortened, so its cells are long."""
 _COARSE_CELL_M = 0.15
 _COARSE_REACH_M = 30.0
+_COARSE_OVERLAP_M = 0.3
+_COARSE_DEPTH_M = 0.03
+"""The coarse mesh lies this much below the ground, so it is never visible."""
 
 
 @dataclass(frozen=True)
 class GroundMesh:
-    """A grid of quadrilaterals.
+    """A grid of quadrilaterals, split into triangles.
 
     Parameters
     ----------
     vertices : ndarray of float32, shape (rows, columns, 3)
-        In the world, metres. Rows go away from the rover, columns from right to left.
+        World coordinates, metres. Rows increase away from the rover, columns to its left.
     """
 
     vertices: Floats
 
     @property
     def faces(self) -> NDArray[np.uint32]:
-        """Triangles, shape (f, 3), with their front upward."""
+        """Triangles facing upward, shape (f, 3)."""
         rows, columns = self.vertices.shape[:2]
         index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
         a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
@@ -46,7 +55,7 @@ class GroundMesh:
 
     @property
     def texture_coordinates(self) -> Floats:
-        """Place of each vertex in a texture of the grid's own rows and columns, (n, 2)."""
+        """Coordinates of the vertices in a texture that covers the grid, shape (n, 2)."""
         rows, columns = self.vertices.shape[:2]
         u = (np.arange(columns, dtype=np.float32) + 0.5) / columns
         v = (np.arange(rows, dtype=np.float32) + 0.5) / rows
@@ -55,7 +64,7 @@ class GroundMesh:
 
     @property
     def normals(self) -> Floats:
-        """Unit normals of the vertices, upward, shape (n, 3)."""
+        """Upward unit normals of the vertices, shape (n, 3)."""
         down_rows = np.gradient(self.vertices, axis=0)
         along_columns = np.gradient(self.vertices, axis=1)
         normal = np.cross(down_rows, along_columns)
@@ -65,15 +74,15 @@ class GroundMesh:
 
 @dataclass(frozen=True)
 class Fan:
-    """A grid of places on the ground that the image sees as about equal cells.
+    """A grid of ground positions whose cells appear about equally large in the image.
 
-    Seen from above its columns diverge as the camera's do; its rows get farther apart.
+    Seen from above, its columns diverge like the view and its rows get farther apart.
 
     Parameters
     ----------
     x_m, y_m : ndarray of float32, shape (rows, columns)
     cell_m : ndarray of float32, shape (rows,)
-        Width of a cell of the inner columns.
+        Width of the cells inside the view.
     """
 
     x_m: Floats
@@ -81,7 +90,7 @@ class Fan:
     cell_m: Floats
 
     def refined(self, factor: int) -> Fan:
-        """Return the centres of the texels when each cell is split in ``factor`` squared."""
+        """Return the texel centres, with `factor` x `factor` texels per cell."""
         rows, columns = self.x_m.shape
         row = (np.arange(rows * factor) + 0.5) / factor - 0.5
         column = (np.arange(columns * factor) + 0.5) / factor - 0.5
@@ -94,63 +103,66 @@ class Fan:
 
 
 def fan(rig: Rig, camera: StereoCamera, pose: CameraPose) -> Fan:
-    """Lay the grid for a view over level ground, with margin for both eyes and for relief."""
-    pitch, eye_m = math.radians(rig.pitch_deg), rig.camera_height_m
+    """Lay out the grid for a view of level ground, with margin for relief and both cameras."""
+    pitch, height_m = math.radians(rig.pitch_deg), rig.camera_height_m
     half_view = math.atan((camera.height - 1) / 2 / camera.fy)
     steepest = min(pitch + half_view + math.radians(10), math.radians(88))
-    nearest = eye_m / math.tan(steepest) - 0.1
-    # Behind the point under the camera's tilted image plane the columns would cross.
-    nearest = max(nearest, -0.8 * eye_m * math.tan(pitch))
-    ahead = _row_distances(nearest, pitch, eye_m, camera.fx)
-    depth = ahead * math.cos(pitch) + eye_m * math.sin(pitch)
-    half = 1.3 * camera.width / 2 / camera.fx
+    nearest = height_m / math.tan(steepest) - 0.1
+    # The columns meet where the image plane cuts the ground, behind the camera.
+    nearest = max(nearest, -0.8 * height_m * math.tan(pitch))
+    ahead = _row_distances(nearest, pitch, height_m, camera.fx)
+    depth = ahead * math.cos(pitch) + height_m * math.sin(pitch)
+    half = _VIEW_MARGIN * camera.width / 2 / camera.fx
     inner = np.linspace(-half, half, 2 * math.ceil(half * camera.fx / _CELL_PX) + 1)
-    growth = (inner[1] - inner[0]) * np.cumsum(1.17 ** np.arange(1, 34))
+    growth = (inner[1] - inner[0]) * np.cumsum(_SIDE_GROWTH ** np.arange(1, _SIDE_COLUMNS + 1))
     tangent = np.concatenate([-(half + growth)[::-1], inner, half + growth])
     left = tangent[np.newaxis] * depth[:, np.newaxis]
-    cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    x0, y0 = pose.ground_below
-    x = x0 + ahead[:, np.newaxis] * cosine - left * sine
-    y = y0 + ahead[:, np.newaxis] * sine + left * cosine
     cell_m = (inner[1] - inner[0]) * depth
-    return Fan(x.astype(np.float32), y.astype(np.float32), cell_m.astype(np.float32))
+    return Fan(*_to_world(ahead, left, pose), cell_m.astype(np.float32))
 
 
 def _row_distances(
-    nearest_m: float, pitch_rad: float, eye_m: float, focal_px: float
+    nearest_m: float, pitch_rad: float, height_m: float, focal_px: float
 ) -> NDArray[np.float64]:
     rows = [nearest_m]
     while rows[-1] < _FARTHEST_M:
-        depth = rows[-1] * math.cos(pitch_rad) + eye_m * math.sin(pitch_rad)
+        depth = rows[-1] * math.cos(pitch_rad) + height_m * math.sin(pitch_rad)
         cell = max(_CELL_PX * depth / focal_px, _FINEST_M)
-        # Far ground is seen at a grazing angle: a pixel is much longer than wide there.
-        rows.append(rows[-1] + cell * min(max(1.0, rows[-1] / (7 * eye_m)), 6.0))
+        elongation = rows[-1] / (7 * height_m)
+        rows.append(rows[-1] + cell * min(max(1.0, elongation), _LONGEST_CELL))
     return np.array(rows)
 
 
 def fan_mesh(places: Fan, height: HeightFunction) -> GroundMesh:
-    """Lift a fan to the ground."""
+    """Return the mesh of a fan on the ground."""
     z = height(places.x_m, places.y_m)
     return GroundMesh(np.stack([places.x_m, places.y_m, z], 2))
 
 
-def surrounding_mesh(pose: CameraPose, height: HeightFunction, behind_m: float) -> GroundMesh:
-    """Coarse ground behind and beside the rover: it throws shadows and light into the view.
+def surrounding_mesh(pose: CameraPose, height: HeightFunction, near_edge_m: float) -> GroundMesh:
+    """Return coarse ground around the rover, which casts shadows and light into the view.
 
-    It reaches a little under the fan, ``behind_m`` ahead of the rover, and lies a little lower,
-    so that it never shows.
+    It ends just beyond the near edge of the fan, `near_edge_m` ahead of the rover.
     """
-    ahead = np.arange(-_COARSE_REACH_M, behind_m + 0.3, _COARSE_CELL_M)
+    ahead = np.arange(-_COARSE_REACH_M, near_edge_m + _COARSE_OVERLAP_M, _COARSE_CELL_M)
     left = np.arange(-_COARSE_REACH_M, _COARSE_REACH_M, _COARSE_CELL_M)
+    x, y = _to_world(ahead, left, pose)
+    return GroundMesh(np.stack([x, y, height(x, y) - np.float32(_COARSE_DEPTH_M)], 2))
+
+
+def _to_world(
+    ahead: NDArray[np.float64], left: NDArray[np.float64], pose: CameraPose
+) -> tuple[Floats, Floats]:
+    """Convert positions relative to the rover to x, y; `left` may vary along both axes."""
     cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     x0, y0 = pose.ground_below
-    x = (x0 + ahead[:, np.newaxis] * cosine - left * sine).astype(np.float32)
-    y = (y0 + ahead[:, np.newaxis] * sine + left * cosine).astype(np.float32)
-    return GroundMesh(np.stack([x, y, height(x, y) - np.float32(0.03)], 2))
+    x = x0 + ahead[:, np.newaxis] * cosine - left * sine
+    y = y0 + ahead[:, np.newaxis] * sine + left * cosine
+    return x.astype(np.float32), y.astype(np.float32)
 
 
 def _resampled(grid: Floats, row: NDArray[np.float64], column: NDArray[np.float64]) -> Floats:
-    """Read a grid bilinearly, and beyond its outer points straight on."""
+    """Interpolate a grid bilinearly; extrapolate linearly outside."""
     rows, columns = grid.shape
     i = np.clip(np.floor(row).astype(int), 0, rows - 2)
     j = np.clip(np.floor(column).astype(int), 0, columns - 2)

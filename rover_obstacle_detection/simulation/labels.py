@@ -1,8 +1,9 @@
-"""From geometry to labels: rock, slope, drop, free ground, not counted."""
+"""Pixel labels from scene geometry: free, rock, slope, drop, not counted."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -17,29 +18,32 @@ Labels = NDArray[np.uint8]
 
 FREE, ROCK, SLOPE, DROP, NOT_COUNTED = 0, 1, 2, 3, 255
 
+AMBIGUOUS = 0.20
+"""Rocks whose height is within this fraction of the clearance are not counted."""
+
 _CELL_M = 0.05
 _SMOOTHING_M = 0.10
+"""Standard deviation of the low-pass that defines rover scale."""
 _SURROUNDINGS_M = 2.0
+"""Diameter of the disc for drops. Hollows wider than this are not drops."""
 _MARGIN_M = 2.3
-# Rocks within this of the clearance are neither obstacle nor free.
-AMBIGUOUS = 0.20
-CUT_FACTOR = 1.2
+"""Keeps the border effects of both filters outside the area of interest."""
 
 
 @dataclass(frozen=True)
 class LocalGround:
-    """The ground at rover scale on a regular grid along the world's axes.
+    """The ground at rover scale, on a grid aligned with the world axes.
 
     Parameters
     ----------
     x0_m, y0_m : float
-        Place of the first cell's centre.
+        Centre of the first cell.
     cell_m : float
     height_m : ndarray of float32, shape (rows, columns)
-        Relief low-passed at a standard deviation of 0.10 m; rows along y.
+        Relief low-passed with a standard deviation of 0.10 m. Rows are along y.
     slope_deg : ndarray of float32, shape (rows, columns)
     drop_m : ndarray of float32, shape (rows, columns)
-        How far the ground lies below its surroundings: its closing with a disc of 2 m minus it.
+        Depth below the surroundings: closing with a disc of 2 m minus height.
     """
 
     x0_m: float
@@ -50,7 +54,7 @@ class LocalGround:
     drop_m: Floats
 
     def read(self, grid: Floats, x_m: NDArray[np.floating], y_m: NDArray[np.floating]) -> Floats:
-        """Read one of the grids bilinearly at places of any one shape."""
+        """Interpolate one of the grids bilinearly at positions of any shape."""
         rows, columns = grid.shape
         column = np.clip((np.asarray(x_m) - self.x0_m) / self.cell_m, 0, columns - 1.001)
         row = np.clip((np.asarray(y_m) - self.y0_m) / self.cell_m, 0, rows - 1.001)
@@ -63,16 +67,16 @@ class LocalGround:
 
 
 def local_ground(
-    height: HeightFunction, low: tuple[float, float], high: tuple[float, float]
+    height: HeightFunction, low: Sequence[float], high: Sequence[float]
 ) -> LocalGround:
-    """Survey the ground of a rectangle of the world.
+    """Sample and survey the ground of a rectangle of the world.
 
     Parameters
     ----------
     height : callable
-        Height of the ground at places x, y.
-    low, high : tuple of float
-        Corners x, y; some margin is added.
+        Returns the height (m) at positions x, y.
+    low, high : sequence of float
+        Corners x, y. A margin is added.
     """
     x0, y0 = low[0] - _MARGIN_M, low[1] - _MARGIN_M
     columns = math.ceil((high[0] + _MARGIN_M - x0) / _CELL_M) + 1
@@ -84,7 +88,7 @@ def local_ground(
 
 
 def survey(relief: Floats, x0_m: float, y0_m: float, cell_m: float) -> LocalGround:
-    """Low-pass a grid of heights and measure its slope and its drops."""
+    """Low-pass a height grid and compute slope and drops."""
     smooth = cv2.GaussianBlur(
         relief, (0, 0), _SMOOTHING_M / cell_m, borderType=cv2.BORDER_REPLICATE
     )
@@ -116,15 +120,15 @@ def label(
     Parameters
     ----------
     points : ndarray, shape (height, width, 3)
-        Place of each pixel's surface in the world; anything where there is none.
+        World coordinates of each pixel's surface; ignored where there is none.
     depth_m : ndarray of float32, shape (height, width)
         NaN where there is no surface.
     instances : ndarray of uint16, shape (height, width)
+        Rock number; 0 for ground.
     rock_height_m : ndarray, shape (n + 1,)
-        Height of each rock's top above the local ground, by instance number.
+        Height of each rock above the local ground, by instance number.
     ground : LocalGround
     truth : TruthParameters
-        What is an obstacle.
 
     Returns
     -------
@@ -140,20 +144,20 @@ def label(
     labels[counted] = np.where(steep, SLOPE, np.where(low, DROP, FREE))
     above = np.zeros(depth_m.shape, np.float32)
     above[counted] = z - ground.read(ground.height_m, x, y)
-    kind = _label_of_rock(above, counted, instances, rock_height_m, truth.clearance_m)
+    kind = _instance_labels(above, counted, instances, rock_height_m, truth.clearance_m)
     on_rock = counted & (kind[instances] != FREE)
     labels[on_rock] = kind[instances][on_rock]
     return labels
 
 
-def _label_of_rock(
+def _instance_labels(
     above_m: Floats,
     counted: NDArray[np.bool_],
     instances: NDArray[np.uint16],
     rock_height_m: NDArray[np.floating],
     clearance_m: float,
 ) -> Labels:
-    """Label of every instance number: obstacle, not counted, or as the ground."""
+    """Return `ROCK`, `NOT_COUNTED`, or `FREE` (labelled as the ground) by instance number."""
     kind = np.full(len(rock_height_m), FREE, np.uint8)
     kind[rock_height_m > (1 - AMBIGUOUS) * clearance_m] = NOT_COUNTED
     kind[rock_height_m > (1 + AMBIGUOUS) * clearance_m] = ROCK
@@ -163,5 +167,6 @@ def _label_of_rock(
     edge = np.concatenate([instances[0], instances[-1], instances[:, 0], instances[:, -1]])
     cut = np.zeros(len(rock_height_m), bool)
     cut[edge] = True
-    kind[cut & (kind == ROCK) & (visible_m <= CUT_FACTOR * clearance_m)] = NOT_COUNTED
+    # The visible part of a rock cut off by the image border must itself be an obstacle.
+    kind[cut & (kind == ROCK) & (visible_m <= (1 + AMBIGUOUS) * clearance_m)] = NOT_COUNTED
     return kind

@@ -1,4 +1,4 @@
-"""Periodic fractal fields, smoothly interpolated: what terrain and textures are made of."""
+"""Periodic fractal noise for terrain and textures."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 
 _CHUNK = 1 << 18
+"""Positions read at a time, which bounds memory."""
 
 
 @dataclass(frozen=True)
 class Tile:
-    """A periodic field of zero mean and unit RMS that can be read anywhere in the plane.
+    """Periodic 2D noise with zero mean and unit RMS, defined on the whole plane.
 
     Parameters
     ----------
     values : ndarray of float32, shape (n, n)
     period_m : float
-        Length after which the field repeats, metres.
+        Period along both axes of the tile, metres.
     rotation_rad : float
-        Turn of the tile's axes, so that stacked tiles do not repeat along the same lines.
+        Rotation of the tile's axes, so that summed tiles repeat along different lines.
     """
 
     values: Floats
@@ -31,7 +32,7 @@ class Tile:
     rotation_rad: float = 0.0
 
     def smooth(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Read the field with a cubic B-spline, twice differentiable, for surfaces.
+        """Interpolate with a cubic B-spline (twice differentiable), for surfaces.
 
         Parameters
         ----------
@@ -44,7 +45,7 @@ class Tile:
         return self._read(x_m, y_m, cubic=True)
 
     def linear(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Read the field bilinearly, four times cheaper, for textures."""
+        """Interpolate bilinearly, for textures; four times faster than `smooth`."""
         return self._read(x_m, y_m, cubic=False)
 
     def _read(self, x_m: Floats, y_m: Floats, *, cubic: bool) -> Floats:
@@ -101,19 +102,19 @@ def fractal_tile(
     exponent: float = 1.8,
     size: int = 512,
 ) -> Tile:
-    """Synthesise a tile whose amplitude spectrum falls as frequency to the minus ``exponent``.
+    """Synthesise a tile with an amplitude spectrum of frequency to the power -`exponent`.
 
     Parameters
     ----------
     rng : numpy.random.Generator
     period_m : float
-        Side of the tile, metres.
+        Side length, metres.
     longest_m, shortest_m : float
-        Band of wavelengths present, metres; both ends are rolled off smoothly.
+        Range of wavelengths, metres, with a smooth roll-off at both ends.
     exponent : float
-        Fall of the amplitude with frequency; about 1.8 to 2.2 for eroded ground, 0 to 1 for grain.
+        About 1.8 to 2.2 for eroded ground, 0 to 1 for grain.
     size : int
-        Samples along a side.
+        Samples per side.
     """
     noise = rng.standard_normal((size, size)).astype(np.float32)
     frequency = np.hypot(
@@ -133,12 +134,12 @@ def fractal_tile(
 
 @dataclass(frozen=True)
 class SolidNoise:
-    """A periodic field in space, for the relief and the tone of rocks."""
+    """Periodic 3D noise, for the shape and the texture of rocks."""
 
     values: Floats
 
     def read(self, points: Floats) -> Floats:
-        """Read the field trilinearly at points given in periods, shape (..., 3)."""
+        """Interpolate trilinearly at points in units of the period, shape (..., 3)."""
         size = self.values.shape[0]
         scaled = points * np.float32(size)
         whole = np.floor(scaled)
@@ -158,7 +159,7 @@ class SolidNoise:
 
 
 def solid_noise(rng: np.random.Generator, exponent: float = 1.5, size: int = 64) -> SolidNoise:
-    """Synthesise a periodic field of zero mean and unit RMS in space."""
+    """Synthesise periodic 3D noise with zero mean and unit RMS."""
     noise = rng.standard_normal((size, size, size)).astype(np.float32)
     axis, half = np.fft.fftfreq(size, 1 / size), np.fft.rfftfreq(size, 1 / size)
     frequency = np.sqrt(axis[:, np.newaxis, np.newaxis] ** 2 + axis[:, np.newaxis] ** 2 + half**2)

@@ -1,4 +1,4 @@
-"""Where the rover stands and how its left eye looks, for each frame of a drive."""
+"""Camera poses of a drive."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ Floats = NDArray[np.float32]
 HeightFunction = Callable[[Floats, Floats], Floats]
 
 _FOOTPRINT_M = 0.8
+"""Side of the square under the wheels."""
 
 
 @dataclass(frozen=True)
 class CameraPose:
-    """The left eye in the world (x ahead at the start, y left, z up).
+    """Pose of a camera in the world (x ahead at the start, y left, z up).
 
     Parameters
     ----------
     position : ndarray of float64, shape (3,)
     rotation : ndarray of float64, shape (3, 3)
-        From the optical frame (x right, y down, z forward) to the world: its columns are the
-        optical axes.
+        From the optical frame (x right, y down, z forward) to the world.
     heading_rad : float
-        Heading of the rover, to the left of its first one.
+        Heading of the rover, anticlockwise from the start.
     """
 
     position: NDArray[np.float64]
@@ -38,24 +38,24 @@ class CameraPose:
 
     @property
     def up(self) -> NDArray[np.float64]:
-        """Unit vector against gravity in the optical frame."""
+        """Upward unit vector in the optical frame."""
         return np.asarray(self.rotation[2], np.float64)
 
     @property
     def pitch_deg(self) -> float:
-        """Angle of the optical axis below the horizon."""
+        """Angle of the optical axis below the horizon (deg)."""
         return math.degrees(math.asin(max(-1.0, min(1.0, -self.up[2]))))
 
     @property
     def roll_deg(self) -> float:
-        """Clockwise roll about the optical axis."""
+        """Clockwise roll about the optical axis (deg)."""
         return math.degrees(math.atan2(-self.up[0], -self.up[1]))
 
     @property
     def quaternion(self) -> tuple[float, float, float, float]:
         """The rotation as x, y, z, w."""
         m = self.rotation
-        # The largest of the four squares is the one it is safe to divide by (Shepperd 1978).
+        # Normalise by the largest component to avoid dividing by a small one (Shepperd 1978).
         squares = np.array(
             [
                 1 + m[0, 0] - m[1, 1] - m[2, 2],
@@ -74,31 +74,31 @@ class CameraPose:
         return (x, y, z, w) if w >= 0 else (-x, -y, -z, -w)
 
     def to_world(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Carry points of the optical frame, shape (..., 3), into the world."""
+        """Transform points, shape (..., 3), from the optical frame to the world."""
         return np.asarray(points @ self.rotation.T + self.position, np.float64)
 
     def to_camera(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Carry points of the world, shape (..., 3), into the optical frame."""
+        """Transform points, shape (..., 3), from the world to the optical frame."""
         return np.asarray((points - self.position) @ self.rotation, np.float64)
 
     @property
     def ground_below(self) -> tuple[float, float]:
-        """The place x, y under the eye."""
+        """Position x, y of the camera."""
         return float(self.position[0]), float(self.position[1])
 
 
 def standing_pose(
     height: HeightFunction, rig: Rig, x_m: float, y_m: float, heading_rad: float
 ) -> CameraPose:
-    """Set the rover down at a place: its wheels' plane is the best fit of the ground there.
+    """Return the left camera pose of a rover that stands on a plane fitted to the ground.
 
     Parameters
     ----------
     height : callable
-        Height of the ground at places x, y.
+        Returns the height of the ground (m) at positions x, y.
     rig : Rig
     x_m, y_m : float
-        Place under the left eye, if the rover stood level.
+        Position of the left camera for a level rover.
     heading_rad : float
     """
     steps = np.linspace(-_FOOTPRINT_M / 2, _FOOTPRINT_M / 2, 9)
@@ -120,7 +120,7 @@ def standing_pose(
 
 
 def drive(height: HeightFunction, rig: Rig, parameters: DriveParameters) -> list[CameraPose]:
-    """Poses of a drive that begins at the origin along x and turns at a constant rate."""
+    """Return the left camera poses of an arc that starts at the origin along x."""
     x, y, heading = 0.0, 0.0, 0.0
     poses = []
     for _ in range(parameters.frames):
@@ -132,16 +132,9 @@ def drive(height: HeightFunction, rig: Rig, parameters: DriveParameters) -> list
     return poses
 
 
-def eye_pose(pose: CameraPose, right_m: float, roll_deg: float = 0.0) -> CameraPose:
-    """Return the pose of an eye to the right of the left one, turned about its axis."""
-    angle = math.radians(roll_deg)
-    turn = np.array(
-        [
-            [math.cos(angle), -math.sin(angle), 0],
-            [math.sin(angle), math.cos(angle), 0],
-            [0, 0, 1],
-        ]
-    )
-    return CameraPose(
-        pose.position + right_m * pose.rotation[:, 0], pose.rotation @ turn, pose.heading_rad
-    )
+def right_of(pose: CameraPose, right_m: float, roll_deg: float = 0.0) -> CameraPose:
+    """Return a pose shifted to the right and rolled about its optical axis."""
+    c, s = math.cos(math.radians(roll_deg)), math.sin(math.radians(roll_deg))
+    roll = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    position = pose.position + right_m * pose.rotation[:, 0]
+    return CameraPose(position, pose.rotation @ roll, pose.heading_rad)

@@ -1,4 +1,4 @@
-"""Conditions by name: what each changes of an ordinary scene."""
+"""Named conditions: parameter changes relative to the default scene."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from rover_obstacle_detection.simulation.rigs import RIGS, Rig
 
 @dataclass(frozen=True)
 class Preset:
-    """A condition that a detector must stand.
+    """A named condition.
 
     Parameters
     ----------
     description : str
     changes : callable
-        From the rig, which decides where in the view things belong, to nested parameters.
+        Takes the rig, which determines where objects are in view; returns nested parameters.
     """
 
     description: str
     changes: Callable[[Rig], Mapping[str, Any]]
 
 
-def _always(**changes: Any) -> Callable[[Rig], Mapping[str, Any]]:
+def _for_any_rig(**changes: Any) -> Callable[[Rig], Mapping[str, Any]]:
     return lambda rig: changes
 
 
@@ -73,36 +73,38 @@ _PEBBLES = {
 }
 
 PRESETS: Mapping[str, Preset] = {
-    'noon': Preset('high sun, rocks on gentle relief', _always()),
+    'noon': Preset('high sun, rocks on gentle relief', _for_any_rig()),
     'low_sun_towards': Preset(
-        'sun 8 degrees high ahead, shadows towards the rover',
-        _always(light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 12.0}, sensor={'glare': 0.08}),
+        'sun 8 degrees high, ahead: shadows towards the rover',
+        _for_any_rig(
+            light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 12.0}, sensor={'glare': 0.08}
+        ),
     ),
     'low_sun_across': Preset(
-        'sun 9 degrees high on the left, long shadows across',
-        _always(light={'sun_elevation_deg': 9.0, 'sun_azimuth_deg': 85.0}),
+        'sun 9 degrees high, left: long shadows across the view',
+        _for_any_rig(light={'sun_elevation_deg': 9.0, 'sun_azimuth_deg': 85.0}),
     ),
     'low_sun_away': Preset(
-        'sun 8 degrees high behind: flat light, hardly a shadow to see',
-        _always(light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 160.0}),
+        'sun 8 degrees high, behind: flat light, few visible shadows',
+        _for_any_rig(light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 160.0}),
     ),
     'moon': Preset(
-        'no air: black sky, black shadows, grey soil',
-        _always(
+        'no atmosphere: black sky, black shadows, grey soil',
+        _for_any_rig(
             soil={'world': 'moon'},
             light={'sun_elevation_deg': 12.0, 'sun_azimuth_deg': 110.0},
             rocks={'placed': 9},
             sensor={'samples': 36},
         ),
     ),
-    'slope_up_12': Preset('12 degrees up: free ground', _slope(12.0)),
-    'slope_down_12': Preset('12 degrees down: free ground', _slope(-12.0)),
-    'slope_up_26': Preset('26 degrees up: an obstacle', _slope(26.0)),
-    'slope_down_26': Preset('26 degrees down: an obstacle', _slope(-26.0)),
+    'slope_up_12': Preset('uphill 12 degrees: free ground', _slope(12.0)),
+    'slope_down_12': Preset('downhill 12 degrees: free ground', _slope(-12.0)),
+    'slope_up_26': Preset('uphill 26 degrees: an obstacle', _slope(26.0)),
+    'slope_down_26': Preset('downhill 26 degrees: an obstacle', _slope(-26.0)),
     'crater': Preset('small craters: steep walls and a drop', _crater),
     'dunes': Preset(
         'low dunes with wind ripples',
-        _always(
+        _for_any_rig(
             terrain={
                 'dune_height_m': 0.28,
                 'dune_length_m': 8.0,
@@ -116,13 +118,13 @@ PRESETS: Mapping[str, Preset] = {
         ),
     ),
     'dense_rocks': Preset(
-        'a field with a third of the ground under rocks',
-        _always(rocks={'cover': 0.33, 'pebble_cover': 0.03, 'placed': 14}),
+        'rocks on a third of the ground',
+        _for_any_rig(rocks={'cover': 0.33, 'pebble_cover': 0.03, 'placed': 14}),
     ),
-    'pebbles': Preset('pebbles everywhere, none of them an obstacle', _always(rocks=_PEBBLES)),
+    'pebbles': Preset('many pebbles, none an obstacle', _for_any_rig(rocks=_PEBBLES)),
     'low_texture': Preset(
         'fine sand with almost no texture',
-        _always(
+        _for_any_rig(
             soil={'contrast': 0.12, 'grain_m': 0.0001},
             terrain={'clods_m': 0.0004, 'roughness_m': 0.003},
             rocks={'cover': 0.02},
@@ -130,29 +132,29 @@ PRESETS: Mapping[str, Preset] = {
     ),
     'dark_noisy': Preset(
         'dim light and a noisy sensor',
-        _always(
+        _for_any_rig(
             light={'sun_elevation_deg': 15.0, 'sun_azimuth_deg': 60.0},
             sensor={'exposure': 0.3, 'full_well': 1500.0, 'read_noise': 12.0},
         ),
     ),
     'over_exposed': Preset(
-        'exposure far too long: bright ground is white', _always(sensor={'exposure': 2.6})
+        'exposure too long: bright ground saturates', _for_any_rig(sensor={'exposure': 2.6})
     ),
     'exposure_mismatch': Preset(
-        'right eye exposed a third less than the left', _always(sensor={'right_gain': 0.65})
+        'right image exposed a third less than the left', _for_any_rig(sensor={'right_gain': 0.65})
     ),
     'rectification_off': Preset(
-        'right image half a pixel too high and a little turned',
-        _always(sensor={'row_error_px': 0.5, 'roll_error_deg': 0.03}),
+        'right image 0.5 px too high and rolled 0.03 degrees',
+        _for_any_rig(sensor={'row_error_px': 0.5, 'roll_error_deg': 0.03}),
     ),
     'motion_blur': Preset(
-        'rover rocking: five pixels of motion blur',
-        _always(sensor={'motion_blur_px': 5.0, 'motion_blur_deg': 75.0}),
+        'five pixels of motion blur',
+        _for_any_rig(sensor={'motion_blur_px': 5.0, 'motion_blur_deg': 75.0}),
     ),
-    'dust_spots': Preset('dust on both lenses', _always(sensor={'dust_spots': 45})),
+    'dust_spots': Preset('dust on both lenses', _for_any_rig(sensor={'dust_spots': 45})),
     'empty_flat': Preset(
-        'flat ground without a rock',
-        _always(
+        'flat ground without rocks',
+        _for_any_rig(
             terrain={'relief_m': 0.004, 'hills_m': 1.0},
             rocks={'cover': 0.02, 'largest_m': 0.03, 'placed': 0},
         ),
@@ -167,12 +169,12 @@ def scene_of(
     rig: str = 'study',
     parameters: Mapping[str, Any] | None = None,
 ) -> Scene:
-    """Make a scene of conditions, one over the other, and parameters over them all.
+    """Make a scene from conditions and parameters; later ones override earlier ones.
 
     Raises
     ------
     ConfigurationError
-        If there is no such condition, rig or parameter, or a value is out of range.
+        If a condition, rig or parameter is unknown, or a value is out of range.
     """
     if rig not in RIGS:
         msg = f'rig is {rig!r}: expected one of {", ".join(RIGS)}'
@@ -183,18 +185,19 @@ def scene_of(
         if condition not in PRESETS:
             near = difflib.get_close_matches(condition, PRESETS, 1)
             hint = f'; did you mean {near[0]}?' if near else ''
-            msg = f'unknown condition {condition!r}{hint} (there are {", ".join(PRESETS)})'
+            msg = f'unknown condition {condition!r}{hint} (expected one of {", ".join(PRESETS)})'
             raise ConfigurationError(msg)
-        mapping = _merged(mapping, PRESETS[condition].changes(RIGS[rig]))
-    mapping = _merged(mapping, parameters or {})
+        mapping = overlay(mapping, PRESETS[condition].changes(RIGS[rig]))
+    mapping = overlay(mapping, parameters or {})
     fixed = {'name': name, 'seed': seed, 'conditions': names, 'rig': rig}
     return Scene.from_mapping({**mapping, **fixed})
 
 
-def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    merged = dict(below)
-    for name, value in above.items():
+def overlay(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge nested mappings; `changes` overrides `base`."""
+    merged = dict(base)
+    for name, value in changes.items():
         old = merged.get(name)
         both = isinstance(old, Mapping) and isinstance(value, Mapping)
-        merged[name] = _merged(old, value) if both else value  # type: ignore[arg-type]
+        merged[name] = overlay(old, value) if both else value  # type: ignore[arg-type]
     return merged

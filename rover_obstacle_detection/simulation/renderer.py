@@ -1,4 +1,4 @@
-"""Mitsuba: light for the images, rays for the truth."""
+"""Mitsuba scene: path tracing for the images, ray casting for the ground truth."""
 
 from __future__ import annotations
 
@@ -23,29 +23,33 @@ from rover_obstacle_detection.simulation.soil import SoilTexture
 Floats = NDArray[np.float32]
 
 _LLVM_VERSION = 19
-_BOUNCES = 3
+_PATH_DEPTH = 3
+"""Mitsuba's `max_depth`: three path segments, which is two bounces."""
 _PATHS_AT_ONCE = 4_000_000
-# The ray caster lets about one ray in a million slip between two triangles.
-_ASIDE_PX = 0.002
+"""Bounds the memory of one path tracing call."""
+_RETRY_OFFSET_PX = 0.002
+"""About one ray in a million passes between two triangles; a second one this far away hits."""
+_ENVIRONMENT_TO_WORLD = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
+"""Mitsuba's environment maps have +y up and start at -z; the world has z up."""
 
 
 def load_mitsuba() -> Any:
-    """Import Mitsuba with the LLVM it works with.
+    """Import Mitsuba with a compatible LLVM.
 
     Raises
     ------
     MissingExtraError
-        With the command that installs what is missing.
+        Naming the command that installs Mitsuba or LLVM.
     """
     if 'DRJIT_LIBLLVM_PATH' not in os.environ:
         library = _find_llvm()
         if library is None:
             msg = (
                 f'simulate needs LLVM {_LLVM_VERSION}: sudo apt-get install '
-                f'libllvm{_LLVM_VERSION} (or set DRJIT_LIBLLVM_PATH to its library)'
+                f'libllvm{_LLVM_VERSION} (or set DRJIT_LIBLLVM_PATH to the library)'
             )
             raise MissingExtraError(msg)
-        # Other versions of LLVM on the machine would be taken first, and some abort the process.
+        # Dr.Jit would pick any installed LLVM, and some versions abort the process.
         os.environ['DRJIT_LIBLLVM_PATH'] = library
     try:
         mitsuba = importlib.import_module('mitsuba')
@@ -57,7 +61,7 @@ def load_mitsuba() -> Any:
     except ImportError as error:
         path = os.environ['DRJIT_LIBLLVM_PATH']
         msg = (
-            f'Mitsuba cannot use {path} as its LLVM: sudo apt-get install '
+            f'Mitsuba cannot use {path} as LLVM: sudo apt-get install '
             f'libllvm{_LLVM_VERSION}, and unset DRJIT_LIBLLVM_PATH'
         )
         raise MissingExtraError(msg) from error
@@ -79,14 +83,14 @@ def _find_llvm() -> str | None:
 
 @dataclass(frozen=True)
 class Hits:
-    """What the rays through the pixel centres of one eye met.
+    """First surfaces hit by the rays through the pixel centres of one camera.
 
     Parameters
     ----------
     depth_m : ndarray of float32, shape (height, width)
-        Distance along the optical axis; NaN where there is nothing.
+        Along the optical axis; NaN for sky.
     instances : ndarray of uint16, shape (height, width)
-        Number of the rock, 0 for ground and nothing.
+        Rock number; 0 for ground and sky.
     """
 
     depth_m: Floats
@@ -94,17 +98,24 @@ class Hits:
 
 
 class Renderer:
-    """One frame's world, ready to be looked at.
+    """Mitsuba scene of one frame.
 
     Parameters
     ----------
     ground : GroundMesh
     soil : SoilTexture
+        Texture of `ground`.
     surroundings : GroundMesh
+        Coarse ground outside the view.
     rocks : RockMesh
     light : Light
     plain_soil : tuple of float
-        Reflectance of the coarse surroundings.
+        Linear RGB reflectance of the surroundings.
+
+    Raises
+    ------
+    MissingExtraError
+        If Mitsuba or LLVM is not installed.
     """
 
     def __init__(
@@ -133,24 +144,23 @@ class Renderer:
             objects['rocks'] = self._rock_mesh(rocks)
         self._scene = mi.load_dict(objects)
         self._shapes = {shape.id(): shape for shape in self._scene.shapes()}
-        self._integrator = mi.load_dict({'type': 'path', 'max_depth': _BOUNCES})
+        self._integrator = mi.load_dict({'type': 'path', 'max_depth': _PATH_DEPTH})
 
     def radiance(self, camera: StereoCamera, pose: CameraPose, samples: int, seed: int) -> Floats:
-        """Light that falls on each pixel of an eye.
+        """Render the light that reaches each pixel.
 
         Parameters
         ----------
         camera : StereoCamera
         pose : CameraPose
-            Of this eye.
         samples : int
-            Light paths a pixel, a square number.
+            Light paths per pixel, a square number.
         seed : int
 
         Returns
         -------
         ndarray of float32, shape (height, width, 3)
-            Linear red, green, blue.
+            Linear RGB radiance.
         """
         mi = self._mitsuba
         sampler = mi.load_dict({'type': 'multijitter', 'sample_count': samples})
@@ -175,26 +185,26 @@ class Renderer:
         return image
 
     def cast(self, camera: StereoCamera, pose: CameraPose) -> Hits:
-        """Cast a ray through each pixel's centre."""
+        """Cast a ray through each pixel centre."""
         row, column = np.mgrid[: camera.height, : camera.width].astype(np.float32)
         depth, instances = self.cast_at(camera, pose, column, row)
-        aside, other = self.cast_at(
-            camera, pose, column + np.float32(_ASIDE_PX), row + np.float32(_ASIDE_PX)
-        )
+        offset = np.float32(_RETRY_OFFSET_PX)
+        retry, retry_instances = self.cast_at(camera, pose, column + offset, row + offset)
         with np.errstate(invalid='ignore'):
-            slipped = aside < np.where(np.isnan(depth), np.inf, depth) * (1 - 1e-3)
-        return Hits(np.where(slipped, aside, depth), np.where(slipped, other, instances))
+            missed = retry < np.where(np.isnan(depth), np.inf, depth) * (1 - 1e-3)
+        return Hits(np.where(missed, retry, depth), np.where(missed, retry_instances, instances))
 
     def cast_at(
         self, camera: StereoCamera, pose: CameraPose, column: Floats, row: Floats
     ) -> tuple[Floats, NDArray[np.uint16]]:
-        """Cast rays through places of the image, pixel centres at integers.
+        """Cast rays through image positions; pixel centres are at integers.
 
         Returns
         -------
-        depth_m : ndarray of float32, the places' shape
-            NaN where there is nothing.
-        instances : ndarray of uint16, the places' shape
+        depth_m : ndarray of float32, shape of `column`
+            NaN for sky.
+        instances : ndarray of uint16, shape of `column`
+            Rock number; 0 for ground and sky.
         """
         mi = self._mitsuba
         ray = self._rays(
@@ -223,35 +233,22 @@ class Renderer:
         mi = self._mitsuba
         x, y = (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy
         axes = [mi.Vector3f(*(float(v) for v in pose.rotation[:, i])) for i in range(3)]
-        # With a direction of depth one the ray's parameter is the depth.
+        # A direction of unit depth makes the ray parameter equal to the depth.
         direction = axes[0] * x + axes[1] * y + axes[2]
         if not unit_depth:
             direction = self._drjit.normalize(direction)
         return mi.RayDifferential3f(mi.Ray3f(mi.Point3f(*map(float, pose.position)), direction))
 
     def _soil_material(self, soil: SoilTexture) -> dict[str, Any]:
-        mi = self._mitsuba
-        reflectance: dict[str, Any] = {
-            'type': 'diffuse',
-            'reflectance': {
-                'type': 'bitmap',
-                'bitmap': mi.Bitmap(np.ascontiguousarray(soil.reflectance)),
-                'raw': True,
-                'wrap_mode': 'clamp',
-            },
-        }
+        def texture(values: Floats) -> dict[str, Any]:
+            bitmap = self._mitsuba.Bitmap(np.ascontiguousarray(values))
+            return {'type': 'bitmap', 'bitmap': bitmap, 'raw': True, 'wrap_mode': 'clamp'}
+
+        material = {'type': 'diffuse', 'reflectance': texture(soil.reflectance)}
         if not soil.relief_m.any():
-            return reflectance
-        return {
-            'type': 'bumpmap',
-            'relief': {
-                'type': 'bitmap',
-                'bitmap': mi.Bitmap(np.ascontiguousarray(soil.relief_m[..., np.newaxis])),
-                'raw': True,
-                'wrap_mode': 'clamp',
-            },
-            'material': reflectance,
-        }
+            return material
+        relief = texture(soil.relief_m[..., np.newaxis])
+        return {'type': 'bumpmap', 'relief': relief, 'material': material}
 
     def _ground_mesh(self, name: str, mesh: GroundMesh, material: dict[str, Any]) -> Any:
         values = {
@@ -306,28 +303,21 @@ class Renderer:
         lights: dict[str, Any] = {
             'sun': {
                 'type': 'directional',
-                'direction': [float(-v) for v in light.sun_direction],
-                'irradiance': {
-                    'type': 'rgb',
-                    'value': [float(v) for v in light.sun_irradiance],
-                },
+                'direction': (-light.sun_direction).tolist(),
+                'irradiance': {'type': 'rgb', 'value': light.sun_irradiance.tolist()},
             }
         }
         if light.sky is not None:
-            # The map's up is +y; its columns go from the centre's -z towards +x.
-            to_world = mi.ScalarTransform4f(_ENVIRONMENT_TO_WORLD)
             lights['sky'] = {
                 'type': 'envmap',
                 'bitmap': mi.Bitmap(np.ascontiguousarray(light.sky)),
-                'to_world': to_world,
+                'to_world': mi.ScalarTransform4f(_ENVIRONMENT_TO_WORLD),
             }
         return lights
 
 
-_ENVIRONMENT_TO_WORLD = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
-
-
 def _vertex_normals(vertices: Floats, faces: NDArray[np.uint32]) -> Floats:
+    """Return area-weighted vertex normals."""
     a, b, c = (vertices[faces[:, n]] for n in range(3))
     normal = np.cross(b - a, c - a)
     total = np.zeros(vertices.shape, np.float64)

@@ -1,4 +1,4 @@
-"""The stereo cameras that scenes are seen through."""
+"""Stereo cameras of the simulated rovers."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 
 @dataclass(frozen=True)
 class Rig:
-    """A stereo camera on a rover.
+    """A stereo camera mounted on a rover.
 
     Parameters
     ----------
     name : str
     description : str
     width, height : int
-        Size of both images, pixels.
+        Size of both images (px).
     horizontal_view_deg : float
-        Horizontal field of view, degrees; pixels are square.
+        Horizontal field of view (deg). Pixels are square.
     baseline_m : float
     pitch_deg : float
-        Angle of the optical axis below the rover's horizon.
+        Angle of the optical axis below the horizon of a level rover.
     camera_height_m : float
-        Height of the left eye above the ground under it.
+        Height of the left camera above the ground.
     colour : bool
-        Whether images are published as rgb8; mono8 or mono16 otherwise.
+        Whether images are rgb8 instead of mono8 or mono16.
     """
 
     name: str
@@ -41,11 +41,11 @@ class Rig:
 
     @property
     def view_distance_m(self) -> float:
-        """Distance ahead, along level ground, at which the optical axis meets the ground."""
+        """Distance ahead at which the optical axis meets level ground."""
         return self.camera_height_m / math.tan(math.radians(self.pitch_deg))
 
     def camera(self, width: int | None = None) -> StereoCamera:
-        """Return the calibration, for images of another width with the same view if asked."""
+        """Return the calibration, optionally scaled to another image width."""
         width = self.width if width is None else width
         height = round(self.height * width / self.width)
         focal = width / (2 * math.tan(math.radians(self.horizontal_view_deg) / 2))
@@ -60,6 +60,7 @@ class Rig:
         )
 
 
+# The study specifies a vertical field of view of 60 degrees at an aspect of 4:3.
 _STUDY_HORIZONTAL_DEG = math.degrees(2 * math.atan(4 / 3 * math.tan(math.radians(30))))
 
 RIGS = {
@@ -67,7 +68,7 @@ RIGS = {
     for rig in (
         Rig(
             'study',
-            "the study's camera: short baseline, looking steeply down",
+            'camera of the study: short baseline, steep pitch',
             width=1024,
             height=768,
             horizontal_view_deg=_STUDY_HORIZONTAL_DEG,
@@ -78,7 +79,7 @@ RIGS = {
         ),
         Rig(
             'navcam',
-            'mast camera: long baseline, high up, looking far',
+            'mast camera: long baseline, high, far-looking',
             width=1024,
             height=768,
             horizontal_view_deg=45.0,
@@ -88,7 +89,7 @@ RIGS = {
         ),
         Rig(
             'hazcam',
-            'hazard camera: low on the body, wide view',
+            'hazard camera: low on the body, wide field of view',
             width=1024,
             height=768,
             horizontal_view_deg=100.0,

@@ -1,4 +1,4 @@
-"""The shape and colour of rocks: round bodies cut by planes, with a fractal skin."""
+"""Shape and colour of rocks: spheres cut by planes, with fractal relief."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.noise import solid_noise
 from rover_obstacle_detection.simulation.rocks import RockField
 
@@ -16,23 +17,27 @@ Floats = NDArray[np.float32]
 Indices = NDArray[np.uint32]
 
 _FINEST = 7
+"""Highest subdivision level of a rock: 328,000 triangles."""
 _SHARED_SHAPES = 96
 _OWN_SHAPE_M = 0.10
+"""Smaller rocks share shapes, rotated and stretched differently, to save time."""
+_VERTICES_AT_ONCE = 400_000
+"""Bounds the memory of one batch of rocks."""
 
 
 @dataclass(frozen=True)
 class RockMesh:
-    """Triangles of many rocks.
+    """Triangle mesh of many rocks.
 
     Parameters
     ----------
     vertices : ndarray of float32, shape (v, 3)
-        In the world, metres.
+        World coordinates, metres.
     faces : ndarray of uint32, shape (f, 3)
     colours : ndarray of float32, shape (v, 3)
-        Linear reflectance of red, green and blue.
+        Linear RGB reflectance.
     instance : ndarray of int32, shape (f,)
-        Rock number of each face, from 1.
+        Rock number of each face, starting at 1.
     """
 
     vertices: Floats
@@ -43,7 +48,7 @@ class RockMesh:
 
 @dataclass(frozen=True)
 class RockTones:
-    """Colours that rocks have, and the dust that lies on them."""
+    """Linear RGB reflectances of rocks, shape (n, 3), and of the dust on them, shape (3,)."""
 
     tones: Floats
     dust: Floats
@@ -52,7 +57,7 @@ class RockTones:
 
 @lru_cache(maxsize=_FINEST + 1)
 def icosphere(level: int) -> tuple[Floats, Indices]:
-    """Make a unit sphere of 20 * 4^level equal triangles: vertices (v, 3) and faces (f, 3)."""
+    """Return vertices (v, 3) and faces (f, 3) of a unit sphere of 20 * 4^level triangles."""
     if level == 0:
         golden = (1 + math.sqrt(5)) / 2
         corners = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
@@ -91,7 +96,7 @@ def icosphere(level: int) -> tuple[Floats, Indices]:
 
 
 class RockMaker:
-    """Makes the meshes of a field's rocks, as fine as the image asks for.
+    """Makes rock meshes at image resolution.
 
     Parameters
     ----------
@@ -100,7 +105,7 @@ class RockMaker:
     """
 
     def __init__(self, seed: int, tones: RockTones) -> None:
-        rng = np.random.default_rng([seed, 3])
+        rng = np.random.default_rng([seed, streams.ROCK_TEXTURE])
         self._seed = seed
         self._tones = tones
         self._shape_noise = solid_noise(rng, 1.7)
@@ -114,17 +119,17 @@ class RockMaker:
         ground_m: NDArray[np.float64],
         size_px: NDArray[np.float64],
     ) -> RockMesh:
-        """Make one mesh of some rocks of a field.
+        """Mesh some rocks of a field.
 
         Parameters
         ----------
         field : RockField
         chosen : ndarray of int64, shape (k,)
-            Indices of the rocks.
+            Indices of the rocks to mesh.
         ground_m : ndarray of float64, shape (k,)
-            Height of the ground under each.
+            Height of the ground under each rock.
         size_px : ndarray of float64, shape (k,)
-            Width of each in the image, which decides how fine it is made.
+            Width of each rock in the image; sets its mesh resolution.
         """
         levels = np.clip(np.ceil(np.log2(np.maximum(size_px, 1) / 4.0)) + 1, 1, _FINEST)
         vertices, faces, colours, instance = [], [], [], []
@@ -133,7 +138,7 @@ class RockMaker:
             sphere, triangles = icosphere(int(level))
             for part in np.array_split(
                 np.flatnonzero(levels == level),
-                max(1, int((levels == level).sum() * len(sphere) / 400_000)),
+                max(1, int((levels == level).sum() * len(sphere) / _VERTICES_AT_ONCE)),
             ):
                 rocks = chosen[part]
                 points, colour = self._rocks(field, rocks, ground_m[part], sphere, int(level))
@@ -165,14 +170,16 @@ class RockMaker:
         sphere: Floats,
         level: int,
     ) -> tuple[Floats, Floats]:
-        """Vertices and colours of rocks that share a fineness, each (k, v, 3)."""
+        """Return vertices and colours of rocks of one level, each (k, v, 3)."""
         number = len(rocks)
-        # Small ones share shapes: turned and stretched differently nobody can tell.
         own = field.diameter_m[rocks] > _OWN_SHAPE_M
         shapes = np.where(own, field.seed[rocks], field.seed[rocks] % _SHARED_SHAPES)
         unique, index = np.unique(shapes, return_inverse=True)
         bodies = np.stack([self._body(int(shape), sphere, level) for shape in unique])[index]
-        rngs = [np.random.default_rng([self._seed, 4, int(s)]) for s in field.seed[rocks]]
+        rngs = [
+            np.random.default_rng([self._seed, streams.ROCK_POSE, int(s)])
+            for s in field.seed[rocks]
+        ]
         draws = np.array([rng.uniform(size=8) for rng in rngs]).reshape(number, 8)
         axes = np.stack(
             [np.ones(number), 0.68 + 0.3 * draws[:, 0], 0.5 + 0.38 * draws[:, 1]], axis=1
@@ -203,7 +210,7 @@ class RockMaker:
         tones = self._tones
         tone = tones.tones[(draws[:, 6] * len(tones.tones)).astype(int)]
         tone = tone * (0.8 + 0.4 * draws[:, 7])[:, np.newaxis]
-        # Mineral grain of a few millimetres and mottling of a few centimetres.
+        # Mottling of a few centimetres and mineral grain of a few millimetres.
         place = bodies * half_m[:, np.newaxis, np.newaxis].astype(np.float32) + np.float32(
             7.3
         ) * draws[:, np.newaxis, :3].astype(np.float32)
@@ -211,7 +218,7 @@ class RockMaker:
         grain = self._tone_noise.read((place / 0.06).astype(np.float32))
         value = np.exp(0.14 * mottle + 0.16 * grain)
         colour = tone[:, np.newaxis] * value[..., np.newaxis]
-        # Dust lies on top, and soil stains the foot.
+        # Dust settles on top, and soil stains the foot.
         dusty = np.clip(above - 0.55 + 0.15 * mottle, 0, 1) * 0.5
         dusty += np.clip(0.22 - above + 0.06 * mottle, 0, 0.25) * 2.0
         strength = (tones.dust_strength * (0.4 + draws[:, 0]))[:, np.newaxis]
@@ -219,8 +226,8 @@ class RockMaker:
         return np.asarray(colour * (1 - dusty) + tones.dust * dusty, np.float32)
 
     def _body(self, shape: int, sphere: Floats, level: int) -> Floats:
-        """One rock of about unit radius on the directions of a sphere, shape (v, 3)."""
-        rng = np.random.default_rng([self._seed, 5, shape])
+        """Return a rock of about unit radius from the vertices of a sphere, shape (v, 3)."""
+        rng = np.random.default_rng([self._seed, streams.ROCK_SHAPE, shape])
         radius = np.ones(len(sphere), np.float32)
         rounded = rng.uniform()
         wear = 0.015 + 0.06 * rounded
@@ -230,7 +237,7 @@ class RockMaker:
             distance = rng.uniform(0.52, 0.88) + 0.14 * rounded
             cosine = sphere @ normal.astype(np.float32)
             cut = np.where(cosine > 0.2, distance / np.maximum(cosine, 0.2), 3.0)
-            # A smooth minimum wears the edges off.
+            # A smooth minimum rounds the edges.
             blend = np.clip(0.5 + 0.5 * (cut - radius) / wear, 0, 1)
             radius = cut * (1 - blend) + radius * blend - wear * blend * (1 - blend)
             radius = radius.astype(np.float32)
@@ -244,7 +251,7 @@ class RockMaker:
 
 
 def _attitudes(draws: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn about the vertical by any angle, after a tilt of up to 28 degrees."""
+    """Return random rotations: a tilt of up to 28 degrees, then any heading."""
     turn = 2 * np.pi * draws[:, 2]
     tilt = np.radians(28) * draws[:, 3]
     axis = 2 * np.pi * draws[:, 4]

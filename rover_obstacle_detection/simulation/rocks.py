@@ -1,4 +1,4 @@
-"""Which rocks lie where: sizes after Golombek and Rapp 1997, places by chance."""
+"""Positions and sizes of rocks, with sizes after Golombek and Rapp (1997)."""
 
 from __future__ import annotations
 
@@ -11,30 +11,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.description import RockParameters
 from rover_obstacle_detection.simulation.poses import CameraPose
 from rover_obstacle_detection.simulation.rigs import Rig
 from rover_obstacle_detection.simulation.terrain import Apron
 
-# Smaller than this in the image, a rock is no more than texture.
 _SMALLEST_PX = 2.5
+"""Rocks narrower than this in the image are left out."""
 _FARTHEST_M = 150.0
 _MOST_ROCKS = 60000
+"""Bounds memory; instance numbers must also fit 16 bits."""
 _BINS_PER_DECADE = 12
 _PEBBLES_M = (0.01, 0.05)
+_APRON_REACH_M = 12.0
+_APRON_SMALLEST_M = 0.06
+"""Smaller rocks get no soil heaped against them."""
+_OVERLAP = 0.42
+"""Smallest distance of two rocks, relative to the sum of their diameters."""
+_OVERLAP_SMALLEST_M = 0.05
+"""Overlaps with rocks smaller than this are not checked."""
 
 
 @dataclass(frozen=True)
 class RockField:
-    """Rocks, largest first; the instance number of a rock is its index plus one.
+    """Rocks, largest first. The instance number of a rock is its index plus one.
 
     Parameters
     ----------
     x_m, y_m : ndarray of float64, shape (n,)
-        Place of each rock's centre.
+        Position of each rock's centre.
     diameter_m : ndarray of float64, shape (n,)
     seed : ndarray of int64, shape (n,)
-        What shape, attitude, burial and colour are drawn from.
+        Seed of the shape, attitude, burial and colour of each rock.
     """
 
     x_m: NDArray[np.float64]
@@ -45,13 +54,13 @@ class RockField:
     def __len__(self) -> int:
         return int(self.diameter_m.size)
 
-    def aprons(self, poses: Sequence[CameraPose], reach_m: float = 12.0) -> list[Apron]:
-        """Soil heaped by the wind against the larger rocks near the rover's way."""
+    def aprons(self, poses: Sequence[CameraPose]) -> list[Apron]:
+        """Return the soil heaped by wind against the larger rocks near the drive."""
         near = np.zeros(len(self), bool)
         for pose in poses:
             x, y = pose.ground_below
-            near |= np.hypot(self.x_m - x, self.y_m - y) < reach_m
-        near &= self.diameter_m > 0.06
+            near |= np.hypot(self.x_m - x, self.y_m - y) < _APRON_REACH_M
+        near &= self.diameter_m > _APRON_SMALLEST_M
         return [
             Apron(float(x), float(y), float(0.62 * d), float(0.045 * d))
             for x, y, d in zip(self.x_m[near], self.y_m[near], self.diameter_m[near], strict=True)
@@ -59,17 +68,17 @@ class RockField:
 
 
 def cover_exponent(cover: float) -> float:
-    """Return q of the law F_k(D) = k exp(-q D), per metre (Golombek and Rapp 1997, eq. 5)."""
+    """Return q (1/m) of the law F_k(D) = k exp(-q D) (Golombek and Rapp 1997, eq. 5)."""
     return 1.79 + 0.152 / cover
 
 
 def covered_fraction(diameter_m: float, cover: float) -> float:
-    """Fraction of the ground under rocks larger than a diameter."""
+    """Return the fraction of the ground covered by rocks larger than a diameter."""
     return cover * math.exp(-cover_exponent(cover) * diameter_m)
 
 
 def rocks_per_square_metre(low_m: float, high_m: float, cover: float) -> float:
-    """Count the rocks with diameters of a narrow bin on a square metre, by the law."""
+    """Return the number of rocks per square metre in a narrow bin of diameters."""
     area = covered_fraction(low_m, cover) - covered_fraction(high_m, cover)
     mean_square = (low_m * low_m + low_m * high_m + high_m * high_m) / 3
     return area / (math.pi / 4 * mean_square)
@@ -82,45 +91,40 @@ def scatter(
     poses: Sequence[CameraPose],
     seed: int,
 ) -> RockField:
-    """Draw the rocks of a scene, each size out to where it is a few pixels wide.
+    """Draw the rocks of a scene, each size up to the distance where it is too small to see.
 
     Parameters
     ----------
     parameters : RockParameters
     rig : Rig
     camera : StereoCamera
-        At the size of the images, which says what is too small to see.
+        At the size of the rendered images.
     poses : sequence of CameraPose
-        All of the drive: rocks lie where any of them can see.
+        Of the whole drive. Rocks lie within view of any of them.
     seed : int
     """
-    rng = np.random.default_rng([seed, 2])
-    places, diameters = [], []
-    if parameters.placed:
-        place, diameter = _placed(parameters, rig, camera, poses[0], rng)
-        places.append(place)
-        diameters.append(diameter)
+    rng = np.random.default_rng([seed, streams.ROCK_FIELD])
+    parts = [_placed(parameters, rig, camera, poses[0], rng)] if parameters.placed else []
     for low, high, density in _sizes(parameters):
-        place = _of_one_size(density, high, camera, poses, rng)
+        place = _positions(density, high, camera, poses, rng)
         diameter = np.exp(rng.uniform(math.log(low), math.log(high), len(place)))
-        places.append(place)
-        diameters.append(diameter)
-    if not places:
-        empty = np.empty(0)
-        return RockField(empty, empty, empty, np.empty(0, np.int64))
-    place, diameter = np.concatenate(places), np.concatenate(diameters)
-    keep = _beside_the_way(place, diameter, poses, rig)
+        parts.append((place, diameter))
+    if not parts:
+        none = np.empty(0)
+        return RockField(none, none, none, np.empty(0, np.int64))
+    place, diameter = (np.concatenate(part) for part in zip(*parts, strict=True))
+    keep = _clear_of_rover(place, diameter, poses, rig)
     place, diameter = place[keep], diameter[keep]
     first = np.argsort(-diameter, kind='stable')
     place, diameter = place[first], diameter[first]
-    keep = _apart(place, diameter)
+    keep = _not_inside_another(place, diameter)
     place, diameter = place[keep][:_MOST_ROCKS], diameter[keep][:_MOST_ROCKS]
     seeds = rng.integers(0, 2**31, len(diameter))
     return RockField(place[:, 0], place[:, 1], diameter, seeds)
 
 
 def _sizes(parameters: RockParameters) -> list[tuple[float, float, float]]:
-    """Bins of diameters, each with its lower and upper end and its rocks on a square metre."""
+    """Return bins of diameters: lower end, upper end, rocks per square metre."""
     sizes = []
     low, high = parameters.smallest_m, parameters.largest_m
     if parameters.cover > 0 and high > low:
@@ -129,7 +133,7 @@ def _sizes(parameters: RockParameters) -> list[tuple[float, float, float]]:
     if parameters.pebble_cover > 0:
         bins = _bins(*_PEBBLES_M)
         for a, b in bins:
-            # Each bin of the logarithm covers as much as any other.
+            # Every logarithmic bin covers the same area.
             area = parameters.pebble_cover / len(bins)
             sizes.append((a, b, area / (math.pi / 4 * a * b)))
     return sizes
@@ -141,7 +145,7 @@ def _bins(low: float, high: float) -> list[tuple[float, float]]:
     return [(float(a), float(b)) for a, b in itertools.pairwise(edges)]
 
 
-def _of_one_size(
+def _positions(
     density: float,
     high: float,
     camera: StereoCamera,
@@ -161,7 +165,7 @@ def _of_one_size(
         cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
         ahead = offset @ (cosine, sine)
         aside = np.abs(offset @ (-sine, cosine))
-        # Beyond the view's edge a rock may still throw its shadow into it.
+        # Rocks just outside the view may cast shadows into it.
         margin = 0.5 + 6 * high
         seen |= (
             (ahead > -margin)
@@ -178,7 +182,7 @@ def _placed(
     pose: CameraPose,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    # Spread over the image rather than the ground, so that there are near ones and far ones.
+    # Uniform in the image rather than on the ground, for near and far rocks alike.
     horizon = camera.cy - camera.fy * math.tan(math.radians(pose.pitch_deg))
     top = max(0.04 * camera.height, horizon + 0.05 * camera.height)
     number = parameters.placed
@@ -197,12 +201,12 @@ def _placed(
     direction = ray @ pose.rotation.T
     depth = rig.camera_height_m / np.maximum(-direction[:, 2], 1e-3)
     place = (pose.position + direction * depth[:, np.newaxis])[:, :2]
-    # A rock that fills the view teaches nothing.
+    # Leave out rocks that fill the view.
     fits = (camera.fx * diameter / depth < 0.2 * camera.width) & (depth < 40.0)
     return place[fits][:number], diameter[fits][:number]
 
 
-def _beside_the_way(
+def _clear_of_rover(
     place: NDArray[np.float64],
     diameter: NDArray[np.float64],
     poses: Sequence[CameraPose],
@@ -212,17 +216,19 @@ def _beside_the_way(
     for pose in poses:
         distance = np.hypot(*(place - pose.ground_below).T)
         free = np.where(diameter > 0.08, 0.25 + 0.7 * diameter, 0.0)
-        # Rocks as tall as the camera stay out of its reach.
+        # Keep rocks that may reach the camera farther away.
         tall = np.where(diameter > 0.8 * rig.camera_height_m, 1.2 + diameter, 0.0)
         keep &= distance > np.maximum(free, tall)
     return keep
 
 
-def _apart(place: NDArray[np.float64], diameter: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Let a rock lie against a larger one, but not inside of it."""
+def _not_inside_another(
+    place: NDArray[np.float64], diameter: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return which rocks do not lie inside a larger one. They may touch."""
     keep = np.ones(len(diameter), bool)
-    for index in range(int((diameter > 0.05).sum())):
+    for index in range(int((diameter > _OVERLAP_SMALLEST_M).sum())):
         if keep[index]:
             distance = np.hypot(*(place[index + 1 :] - place[index]).T)
-            keep[index + 1 :] &= distance > 0.42 * (diameter[index] + diameter[index + 1 :])
+            keep[index + 1 :] &= distance > _OVERLAP * (diameter[index] + diameter[index + 1 :])
     return keep

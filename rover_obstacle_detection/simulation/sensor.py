@@ -1,9 +1,8 @@
-"""From light to images: lens, exposure, noise, bits."""
+"""Sensor model: lens, exposure, noise, quantisation."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -14,56 +13,51 @@ from rover_obstacle_detection.simulation.description import SensorParameters
 Floats = NDArray[np.float32]
 
 _GAMMA = 1 / 2.2
-# The automatic exposure puts all but the brightest twentieth of the ground under this level.
 _BRIGHT_LEVEL = 0.42
+"""Automatic exposure maps the 95th percentile of the ground to this fraction of full scale."""
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Weights of linear RGB (ITU-R BT.709)."""
 
 
-@dataclass(frozen=True)
-class Exposure:
-    """Gain from radiance to full scale, the same for both eyes before mismatch."""
-
-    gain: float
-
-
-def automatic_exposure(radiance: Floats, on_surface: NDArray[np.bool_]) -> Exposure:
-    """Expose for the ground in view.
+def automatic_exposure(radiance: Floats, on_surface: NDArray[np.bool_]) -> float:
+    """Return the gain from radiance to full scale that exposes for the ground in view.
 
     Parameters
     ----------
     radiance : ndarray of float32, shape (height, width, 3)
     on_surface : ndarray of bool, shape (height, width)
-        Where there is no sky.
+        False for sky. If there is no surface, the whole image counts.
     """
     luminance = radiance @ _LUMINANCE
     seen = luminance[on_surface] if on_surface.any() else luminance.ravel()
     bright = float(np.percentile(seen, 95))
-    return Exposure(_BRIGHT_LEVEL / max(bright, 1e-9))
+    return _BRIGHT_LEVEL / max(bright, 1e-9)
 
 
 def develop(
     radiance: Floats,
     parameters: SensorParameters,
-    exposure: Exposure,
+    exposure: float,
     rng: np.random.Generator,
     *,
     gain: float = 1.0,
     colour: bool = False,
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Take a picture.
+    """Turn light into an image.
 
     Parameters
     ----------
     radiance : ndarray of float32, shape (height, width, 3)
-        Linear red, green, blue.
+        Linear RGB.
     parameters : SensorParameters
-    exposure : Exposure
+    exposure : float
+        Gain from radiance to full scale.
     rng : numpy.random.Generator
-        For noise and dust; each eye needs its own.
+        Source of noise and dust. Each camera needs its own.
     gain : float
-        Of this eye, on top of the exposure.
+        Additional gain of this camera.
     colour : bool
-        Whether to keep red, green and blue.
+        Whether to return RGB instead of luminance.
 
     Returns
     -------
@@ -72,11 +66,11 @@ def develop(
     """
     light = radiance if colour else (radiance @ _LUMINANCE)[..., np.newaxis]
     light = _through_lens(light, parameters, rng)
-    signal = light * np.float32(exposure.gain * parameters.exposure * gain)
+    signal = light * np.float32(exposure * parameters.exposure * gain)
     electrons = np.maximum(signal, 0) * parameters.full_well
     noise = rng.standard_normal(electrons.shape, np.float32)
     noisy = electrons + noise * np.sqrt(electrons + parameters.read_noise**2)
-    # The eye's response, after the sensor has clipped.
+    # The sensor saturates before gamma is applied.
     level = np.clip(noisy / parameters.full_well, 0, 1) ** np.float32(_GAMMA)
     top = (1 << parameters.bits) - 1
     kind = np.uint8 if parameters.bits == 8 else np.uint16
@@ -86,10 +80,12 @@ def develop(
 
 
 def _through_lens(light: Floats, parameters: SensorParameters, rng: np.random.Generator) -> Floats:
+    """Apply motion blur, lens blur, vignetting, dust and glare."""
     height, width = light.shape[:2]
     if parameters.motion_blur_px:
         kernel = _motion_kernel(parameters.motion_blur_px, parameters.motion_blur_deg)
-        light = _filtered(light, kernel)
+        blurred = cv2.filter2D(light, -1, kernel, borderType=cv2.BORDER_REPLICATE)
+        light = blurred.reshape(light.shape).astype(np.float32)
     if parameters.blur_px:
         blurred = cv2.GaussianBlur(
             light, (0, 0), parameters.blur_px, borderType=cv2.BORDER_REPLICATE
@@ -98,23 +94,22 @@ def _through_lens(light: Floats, parameters: SensorParameters, rng: np.random.Ge
     y = (np.arange(height, dtype=np.float32) - (height - 1) / 2)[:, np.newaxis]
     x = (np.arange(width, dtype=np.float32) - (width - 1) / 2)[np.newaxis]
     square = (x * x + y * y) / ((width * width + height * height) / 4)
-    passed = 1 - np.float32(parameters.vignetting) * square
+    transmission = 1 - np.float32(parameters.vignetting) * square
     for _ in range(parameters.dust_spots):
         radius = float(np.exp(rng.uniform(math.log(0.004), math.log(0.03)))) * width
-        centre_x, centre_y = (
-            rng.uniform(-width / 2, width / 2),
-            rng.uniform(-height / 2, height / 2),
-        )
+        centre_x = rng.uniform(-width / 2, width / 2)
+        centre_y = rng.uniform(-height / 2, height / 2)
         depth = rng.uniform(0.15, 0.5)
         distance = ((x - centre_x) ** 2 + (y - centre_y) ** 2) / radius**2
-        passed = passed * (1 - depth * np.exp(-(distance**2)))
-    light = light * passed[..., np.newaxis].astype(np.float32)
+        transmission = transmission * (1 - depth * np.exp(-(distance**2)))
+    light = light * transmission[..., np.newaxis].astype(np.float32)
     if parameters.glare:
         light = light + np.float32(parameters.glare) * light.mean((0, 1), keepdims=True)
     return np.asarray(light, np.float32)
 
 
 def _motion_kernel(length_px: float, direction_deg: float) -> Floats:
+    """Return a line of the given length, drawn with bilinear weights and sum 1."""
     reach = math.ceil(length_px / 2) + 1
     size = 2 * reach + 1
     kernel = np.zeros((size, size), np.float32)
@@ -131,8 +126,3 @@ def _motion_kernel(length_px: float, direction_deg: float) -> Floats:
         ):
             kernel[row + i, column + j] += weight
     return np.asarray(kernel / kernel.sum(), np.float32)
-
-
-def _filtered(light: Floats, kernel: Floats) -> Floats:
-    result = cv2.filter2D(light, -1, kernel, borderType=cv2.BORDER_REPLICATE)
-    return result.reshape(light.shape).astype(np.float32)

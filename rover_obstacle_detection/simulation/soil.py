@@ -1,4 +1,4 @@
-"""How soil looks: reflectance and grain for every texel of the ground."""
+"""Soil texture: reflectance and fine relief of every ground texel."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.description import SoilParameters
 from rover_obstacle_detection.simulation.ground_mesh import Fan
 from rover_obstacle_detection.simulation.noise import Tile, fractal_tile
@@ -18,7 +19,7 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Palette:
-    """Linear reflectances of one world."""
+    """Linear RGB reflectances of one world."""
 
     soil: Floats
     dark_soil: Floats
@@ -65,14 +66,14 @@ PALETTES = {
 
 @dataclass(frozen=True)
 class SoilTexture:
-    """Textures over a fan.
+    """Texture of a `Fan`.
 
     Parameters
     ----------
     reflectance : ndarray of float32, shape (rows, columns, 3)
-        Linear, red green blue.
+        Linear RGB.
     relief_m : ndarray of float32, shape (rows, columns)
-        Height of the grain, finer than the mesh: for shading only.
+        Height of the grain, which is finer than the mesh and used for shading only.
     """
 
     reflectance: Floats
@@ -80,7 +81,7 @@ class SoilTexture:
 
 
 class Soil:
-    """The soil of a world, everywhere the same whichever camera looks.
+    """Soil of a world, defined everywhere independently of the camera.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ class Soil:
     """
 
     def __init__(self, parameters: SoilParameters, seed: int) -> None:
-        rng = np.random.default_rng([seed, 6])
+        rng = np.random.default_rng([seed, streams.SOIL])
         self._parameters = parameters
         self._patch = fractal_tile(rng, 37.0, 9.0, 0.5, 1.7)
         self._mottle = fractal_tile(rng, 5.3, 0.7, 0.04, 1.3)
@@ -97,7 +98,7 @@ class Soil:
         self._grain = fractal_tile(rng, 0.61, 0.02, 0.0018, 0.5)
 
     def texture(self, texels: Fan, terrain: Terrain) -> SoilTexture:
-        """Paint the texels of a fan."""
+        """Return the texture of the texels of a fan."""
         p = self._parameters
         palette = PALETTES[p.world]
         x, y, texel = texels.x_m, texels.y_m, texels.cell_m
@@ -106,7 +107,7 @@ class Soil:
         crumb = _faded(self._crumb, 0.03, x, y, texel)
         grain = _faded(self._grain, 0.005, x, y, texel)
         cloddy = terrain.cloddiness(x, y)
-        # Single dark grains among the dust: what makes sand look like sand.
+        # Single dark grains make the surface look like sand.
         specks = np.maximum(grain - 1.3, 0) * (0.5 + 0.5 * cloddy)
         tone = 0.08 * patch + 0.09 * mottle + 0.09 * crumb + 0.11 * grain * (0.7 + 0.3 * cloddy)
         tone = np.exp(p.contrast * (tone - 0.25 * specks))
@@ -118,7 +119,7 @@ class Soil:
 
 
 def _faded(tile: Tile, wavelength_m: float, x: Floats, y: Floats, texel_m: Floats) -> Floats:
-    """Read a tile, less of it where texels are too large to show its waves."""
+    """Read a tile, fading it where texels are too large to resolve its wavelength."""
     fade = 1 / (1 + (2.0 * texel_m / wavelength_m) ** 3)
     needed = fade > 0.01
     result = np.zeros(x.shape, np.float32)

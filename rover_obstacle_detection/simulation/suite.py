@@ -1,4 +1,4 @@
-"""Suites of scenes, each in one readable file."""
+"""Suites of scenes, stored as YAML files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _KEYS = {'name', 'seed', 'rig', 'conditions', 'parameters'}
 
 
 def suite_names() -> list[str]:
-    """Names of the suites that come with the package."""
+    """Return the names of the suites in the package."""
     folder = resources.files(__package__) / 'suites'
     return sorted(
         entry.name.removesuffix('.yaml')
@@ -27,12 +27,12 @@ def suite_names() -> list[str]:
 
 
 def load_suite(name_or_path: str) -> list[Scene]:
-    """Read a suite by its name, or from a file of the same form.
+    """Read a suite by name, or from a YAML file of the same format.
 
     Raises
     ------
     ConfigurationError
-        Naming the file and the scene, if something in it is not understood.
+        If the suite does not exist or is invalid. The message names the suite and the scene.
     """
     if name_or_path in suite_names():
         text = (resources.files(__package__) / 'suites' / f'{name_or_path}.yaml').read_text(
@@ -64,8 +64,8 @@ def _scenes(content: Any, where: str) -> list[Scene]:
     for number, entry in enumerate(entries, 1):
         if not isinstance(entry, dict) or 'name' not in entry or set(entry) - _KEYS:
             msg = (
-                f'suite {where}, scene {number}: is {entry!r}: expected a name and at most '
-                f'{", ".join(sorted(_KEYS))}'
+                f'suite {where}, scene {number}: {entry!r}: expected a name and optionally '
+                f'{", ".join(sorted(_KEYS - {"name"}))}'
             )
             raise ConfigurationError(msg)
         try:

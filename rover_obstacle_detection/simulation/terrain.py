@@ -1,4 +1,4 @@
-"""The ground without rocks: a height for every place of the plane."""
+"""Terrain without rocks: the ground height at every position."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.description import Crater, TerrainParameters
 from rover_obstacle_detection.simulation.noise import Tile, fractal_tile
 
 Floats = NDArray[np.float32]
 
 _HILLS_BEGIN_M, _HILLS_FULL_M = 25.0, 120.0
+_CLODS_FADE_M, _CLODS_END_M = 15.0, 30.0
+"""Clods fade out here: the mesh of farther ground is too coarse for them."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +30,9 @@ class Apron:
 
 
 class Terrain:
-    """The height of the ground, in a world with x ahead, y left and z up.
+    """Ground height in a world with x ahead, y left and z up.
 
-    The rover starts at the origin, looking along x.
+    The rover starts at the origin, facing along x, at height 0.
 
     Parameters
     ----------
@@ -38,7 +41,7 @@ class Terrain:
     """
 
     def __init__(self, parameters: TerrainParameters, seed: int) -> None:
-        rng = np.random.default_rng([seed, 1])
+        rng = np.random.default_rng([seed, streams.TERRAIN])
         self._parameters = parameters
         self._hills = fractal_tile(rng, 620.0, 240.0, 12.0, 2.2)
         self._relief = fractal_tile(rng, 41.0, 12.0, 0.8, 2.2)
@@ -49,17 +52,16 @@ class Terrain:
         self._phase = rng.uniform(0, 2 * math.pi, 2)
         self._turn = rng.uniform(-0.6, 0.6, 2)
         self._crater_waves = rng.uniform(0, 2 * math.pi, (max(len(parameters.craters), 1), 4))
-        # The rover stands on the ground: whatever the undulation there, it is height zero.
         self._offset = np.float32(0)
         self._aprons: _ApronGrid | None = None
         self._offset = self.height(np.zeros(1, np.float32), np.zeros(1, np.float32))[0]
 
     def heap(self, aprons: list[Apron]) -> None:
-        """Heap soil against rocks; replaces what was heaped before."""
+        """Set the soil heaped against rocks, replacing any set before."""
         self._aprons = _ApronGrid(aprons) if aprons else None
 
     def height(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Height of the ground, metres, at places of any one shape."""
+        """Return the ground height (m) at positions of any shape."""
         p = self._parameters
         height = np.full(np.shape(x_m), -self._offset, np.float32)
         distance = np.hypot(x_m, y_m)
@@ -72,10 +74,10 @@ class Terrain:
             if np.any(amplitude):
                 height += amplitude * tile.smooth(x_m, y_m)
         if p.clods_m:
-            # Below the grid of far ground clods would be nothing but aliasing.
-            near = np.clip((30.0 - distance) / 15.0, 0, 1).astype(np.float32)
+            fade = (_CLODS_END_M - distance) / (_CLODS_END_M - _CLODS_FADE_M)
+            near = np.clip(fade, 0, 1).astype(np.float32)
             waves = self._clods.smooth(x_m, y_m)
-            # Lumps on smooth ground rather than as many pits.
+            # Rectified waves: lumps on smooth ground, no pits.
             lumps = 0.65 * (waves + np.sqrt(waves * waves + 0.4))
             height += p.clods_m * near * self.cloddiness(x_m, y_m) * lumps
         height += self._slope(x_m, y_m)
@@ -88,7 +90,7 @@ class Terrain:
         return height.astype(np.float32)
 
     def cloddiness(self, x_m: Floats, y_m: Floats) -> Floats:
-        """How cloddy the soil is, from 0 (smooth sand) to about 2."""
+        """Return the density of clods, from 0.15 (smooth sand) to 1.75."""
         patch = self._patches.linear(x_m, y_m)
         return np.asarray(0.15 + 1.6 * _smooth_step(patch * 0.7 + 0.35), np.float32)
 
@@ -118,7 +120,7 @@ class Terrain:
 
 
 def _wind_blown(angle: NDArray[np.floating]) -> NDArray[np.float64]:
-    # The second harmonic steepens the lee side.
+    # Phase modulation steepens the lee side.
     return np.asarray(np.sin(angle + 0.35 * np.sin(angle)), np.float64)
 
 
@@ -134,7 +136,7 @@ def _soft_plus(t: NDArray[np.floating], width: float) -> Floats:
 def _crater(crater: Crater, waves: NDArray[np.float64], x_m: Floats, y_m: Floats) -> Floats:
     dx, dy = x_m - crater.ahead_m, y_m - crater.left_m
     angle = np.arctan2(dy, dx)
-    # A few harmonics make the outline irregular.
+    # Harmonics make the outline irregular.
     outline = np.ones(np.shape(x_m))
     for number, phase in enumerate(waves, 2):
         outline += 0.035 * np.sin(number * angle + phase)
@@ -142,16 +144,17 @@ def _crater(crater: Crater, waves: NDArray[np.float64], x_m: Floats, y_m: Floats
     rim = 0.12 * crater.depth_m
     bowl = -crater.depth_m + (crater.depth_m + rim) * np.minimum(radius, 1.0) ** 2.2
     outside = rim * np.maximum(radius, 1.0) ** -3.5
-    # A worn rim, not a blade.
+    # Rounds the rim.
     over = _smooth_step((radius - 0.88) / 0.24)
     return np.asarray(bowl * (1 - over) + outside * over, np.float32)
 
 
 class _ApronGrid:
-    """Aprons on a grid of 2 cm, coarser for very large areas; none outside of it."""
+    """Apron heights on a grid; 0 outside."""
 
     FINEST_M = 0.02
     MOST_CELLS = 4000
+    """Cells per side. Larger areas get coarser cells."""
 
     def __init__(self, aprons: list[Apron]) -> None:
         xs, ys = [apron.x_m for apron in aprons], [apron.y_m for apron in aprons]

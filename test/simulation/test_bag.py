@@ -66,7 +66,7 @@ def read(path):
         ]
 
 
-def test_a_labelled_bag_holds_what_was_put_in(tmp_path):
+def test_labelled_bag_round_trip(tmp_path):
     frames = [frame(0), frame(1)]
     path = written(tmp_path / 'two', frames, drive={'frames': 2, 'period_s': 0.25})
     with open_bag(path) as bag:
@@ -95,7 +95,7 @@ def test_a_labelled_bag_holds_what_was_put_in(tmp_path):
         assert pose.orientation.w == each.pose.quaternion[3]
 
 
-def test_the_scene_goes_along(tmp_path):
+def test_bag_holds_the_scene(tmp_path):
     path = written(tmp_path / 'one', [frame(0)])
     with open_bag(path) as bag:
         ((_, _, message),) = list(bag.messages(['/truth/scene']))
@@ -108,38 +108,38 @@ def test_the_scene_goes_along(tmp_path):
     ('colour', 'kind', 'encoding'),
     [(True, np.uint8, 'rgb8'), (False, np.uint8, 'mono8'), (False, np.uint16, 'mono16')],
 )
-def test_pictures_say_what_they_are(tmp_path, colour, kind, encoding):
+def test_image_encoding_follows_the_array(tmp_path, colour, kind, encoding):
     path = written(tmp_path / 'one', [frame(0, colour, kind)])
     with open_bag(path) as bag:
         ((_, _, message),) = list(bag.messages(['/stereo/left/image_rect']))
     assert message.encoding == encoding
 
 
-def test_the_same_frames_give_the_same_messages(tmp_path):
+def test_equal_frames_give_equal_messages(tmp_path):
     first = read(written(tmp_path / 'one' / 'x', [frame(0)]))
     second = read(written(tmp_path / 'two' / 'x', [frame(0)]))
     assert first == second
     assert len(first) == len(TOPICS)
 
 
-def test_nothing_half_written_stays(tmp_path):
+def test_failed_bag_leaves_nothing_behind(tmp_path):
     def frames():
         yield frame(0)
-        raise RuntimeError('no more light')
+        raise RuntimeError('render failed')
 
     with pytest.raises(RuntimeError):
         written(tmp_path / 'one', frames())
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_existing_bag_is_not_overwritten(tmp_path):
+def test_existing_bag_is_not_overwritten(tmp_path):
     written(tmp_path / 'one', [frame(0)])
     with pytest.raises(OutputError, match='already exists'):
         written(tmp_path / 'one', [frame(0)])
 
 
 @pytest.fixture
-def quick(monkeypatch, tmp_path):
+def rendered(monkeypatch, tmp_path):
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
     scenes = []
 
@@ -154,13 +154,13 @@ def quick(monkeypatch, tmp_path):
     return scenes
 
 
-def test_simulate_writes_one_scene(quick, tmp_path, capsys):
+def test_simulate_writes_one_scene(rendered, tmp_path, capsys):
     call = ['simulate', 'dunes', 'moon', '--rig', 'vga', '--seed', '4', '--frames', '3']
     call += ['--width', '320', '--set', 'light.sun_elevation_deg=20', '-o', str(tmp_path / 'o')]
     assert main(call) == 0
     path = tmp_path / 'o' / 'vga_dunes_moon_4'
     assert capsys.readouterr().out == f'{path}\n'
-    (scene,) = quick
+    (scene,) = rendered
     assert (scene.width, scene.drive.frames) == (320, 3)
     assert scene.light.sun_elevation_deg == 20.0
     with open_bag(path) as bag:
@@ -171,7 +171,7 @@ def test_simulate_writes_one_scene(quick, tmp_path, capsys):
     assert [entry.name for entry in (tmp_path / 'o').iterdir()] == ['vga_dunes_moon_4']
 
 
-def test_simulate_renders_a_suite_once(quick, tmp_path, capsys):
+def test_simulate_renders_a_suite_once(rendered, tmp_path, capsys):
     suite = tmp_path / 'mine.yaml'
     suite.write_text(
         'scenes:\n'
@@ -182,22 +182,22 @@ def test_simulate_renders_a_suite_once(quick, tmp_path, capsys):
     call = ['simulate', '--suite', str(suite), '--only', 'tune_*']
     assert main(call) == 0
     cached = capsys.readouterr().out.splitlines()
-    assert [scene.name for scene in quick] == ['tune_one', 'tune_two']
+    assert [scene.name for scene in rendered] == ['tune_one', 'tune_two']
     assert [line.rpartition('/')[2] for line in cached] == ['tune_one', 'tune_two']
     assert main([*call, '--output', str(tmp_path / 'o')]) == 0
-    assert len(quick) == 2
+    assert len(rendered) == 2
     for line in capsys.readouterr().out.splitlines():
         with open_bag(tmp_path / 'o' / line.rpartition('/')[2]) as bag:
             assert bag.message_count('/stereo/left/image_rect') == 1
 
 
-def test_simulate_takes_the_standard_suite_by_its_name(quick, capsys):
+def test_simulate_finds_the_standard_suite_by_name(rendered, capsys):
     assert main(['simulate', '--suite', 'standard', '--only', 'report_vga_noon']) == 0
-    assert [scene.name for scene in quick] == ['report_vga_noon']
+    assert [scene.name for scene in rendered] == ['report_vga_noon']
     assert capsys.readouterr().out.endswith('/report_vga_noon\n')
 
 
-def test_simulate_lists_what_there_is(capsys):
+def test_simulate_list_names_rigs_conditions_and_parameters(capsys):
     assert main(['simulate', '--list']) == 0
     out = capsys.readouterr().out
     for name in ('navcam', 'low_sun_across', 'light.sun_elevation_deg', 'empty_flat'):
@@ -211,23 +211,25 @@ def test_simulate_lists_what_there_is(capsys):
         (['noon', '--rig', 'x'], 1, "rig is 'x'"),
         (['noon', '--set', 'light.sun=1'], 1, 'unknown scene parameter light.sun'),
         (['--suite', 'standard', '--only', 'z*'], 1, "no scene of suite standard matches 'z*'"),
-        (['--suite', 'standard', '--seed', '3'], 2, 'seed has no place beside it'),
-        (['--only', 'x', 'noon'], 2, 'give --suite'),
+        (['--suite', 'standard', '--seed', '3'], 2, '--suite cannot be combined with --seed'),
+        (['--suite', 'standard', '--seed', '0'], 2, 'cannot be combined with --seed'),
+        (['--only', 'x', 'noon'], 2, 'needs --suite'),
+        (['noon', '--set', 'light=3', '--set', 'soil.x=1'], 1, 'light is 3: expected named'),
         ([], 2, 'nothing to render'),
         (['noon', '--set', 'light'], 2, 'expected name=value'),
     ],
 )
-def test_simulate_names_what_is_wrong(quick, capsys, call, status, message):
+def test_simulate_names_the_error(rendered, capsys, call, status, message):
     try:
         result = main(['simulate', *call])
     except SystemExit as exit_:
         result = exit_.code
     assert result == status
     assert message in capsys.readouterr().err
-    assert quick == []
+    assert rendered == []
 
 
-def test_simulate_does_not_replace_what_is_no_bag(quick, tmp_path, capsys):
+def test_simulate_does_not_replace_other_folders(rendered, tmp_path, capsys):
     target = tmp_path / 'study_noon_1'
     target.mkdir()
     (target / 'thesis.txt').write_text('years of work')

@@ -43,20 +43,20 @@ def pixels(instances, top_m=0.0, depth_m=1.0):
     ('height_m', 'expected'),
     [(0.05, FREE), (0.079, FREE), (0.081, NOT_COUNTED), (0.119, NOT_COUNTED), (0.121, ROCK)],
 )
-def test_a_rock_is_an_obstacle_above_the_clearance_and_ambiguous_about_it(height_m, expected):
+def test_rock_label_depends_on_height_and_clearance(height_m, expected):
     points, depth, instances = pixels([[0, 0, 0], [0, 1, 0], [0, 0, 0]], top_m=height_m)
     labels = label(points, depth, instances, np.array([0, height_m]), flat(), TRUTH)
     assert labels[1, 1] == expected
     assert (np.delete(labels.ravel(), 4) == FREE).all()
 
 
-def test_a_rock_on_a_slope_is_a_rock_and_a_stone_there_is_slope():
+def test_low_rock_on_a_slope_is_labelled_as_slope():
     points, depth, instances = pixels([[0, 0, 0, 0], [0, 1, 2, 0], [0, 0, 0, 0]], top_m=0.2)
     labels = label(points, depth, instances, np.array([0, 0.2, 0.03]), flat(25.0), TRUTH)
     assert labels[1].tolist() == [SLOPE, ROCK, SLOPE, SLOPE]
 
 
-def test_steep_before_deep_and_neither_at_the_limit():
+def test_slope_takes_precedence_over_drop():
     points, depth, instances = pixels([[0]])
     for slope, drop, expected in (
         (20.5, 0.5, SLOPE),
@@ -67,7 +67,7 @@ def test_steep_before_deep_and_neither_at_the_limit():
         assert labels[0, 0] == expected
 
 
-def test_sky_and_what_is_too_far_are_not_counted():
+def test_sky_and_distant_ground_are_not_counted():
     points, depth, instances = pixels([[0, 0, 0]])
     depth[0, 0], depth[0, 1] = np.nan, 41.0
     labels = label(points, depth, instances, np.zeros(1), flat(30.0), TRUTH)
@@ -78,7 +78,7 @@ def test_sky_and_what_is_too_far_are_not_counted():
     ('visible_m', 'at_edge', 'expected'),
     [(0.13, True, ROCK), (0.11, True, NOT_COUNTED), (0.11, False, ROCK)],
 )
-def test_a_rock_cut_by_the_frame_counts_by_its_visible_part(visible_m, at_edge, expected):
+def test_visible_height_decides_for_rocks_at_the_image_border(visible_m, at_edge, expected):
     rows = [[0, 0, 0], [1, 1, 0], [0, 0, 0]] if at_edge else [[0, 0, 0], [0, 1, 0], [0, 0, 0]]
     points, depth, instances = pixels(rows, top_m=visible_m)
     labels = label(points, depth, instances, np.array([0, 0.3]), flat(), TRUTH)
@@ -95,7 +95,7 @@ def inner(values, margin=30):
 
 
 @pytest.mark.parametrize('slope_deg', [5.0, 26.0])
-def test_a_plane_has_its_slope_and_no_drop(slope_deg):
+def test_survey_of_a_plane(slope_deg):
     x, y = grid()
     relief = (np.tan(np.radians(slope_deg)) * (0.6 * x + 0.8 * y)).astype(np.float32)
     ground = survey(relief, 0.0, 0.0, CELL)
@@ -103,7 +103,7 @@ def test_a_plane_has_its_slope_and_no_drop(slope_deg):
     assert inner(ground.drop_m).max() < 1e-3
 
 
-def test_a_pit_is_a_drop_and_a_wide_basin_is_not():
+def test_pit_is_a_drop_but_wide_basin_is_not():
     x, y = grid()
     pit = np.where(np.hypot(x, y) < 0.6, -0.3, 0.0).astype(np.float32)
     ground = survey(pit, -4.0, -4.0, CELL)
@@ -113,14 +113,14 @@ def test_a_pit_is_a_drop_and_a_wide_basin_is_not():
     assert inner(survey(basin, 0.0, 0.0, CELL).drop_m).max() < 0.03
 
 
-def test_pebbles_are_smoothed_away_and_hills_are_not():
+def test_survey_smooths_pebbles_but_not_hills():
     x, _ = grid()
     fine = 0.01 * np.sin(2 * np.pi * x / 0.15)
     ground = survey((fine + 0.1 * x).astype(np.float32), 0.0, 0.0, CELL)
     np.testing.assert_allclose(inner(ground.slope_deg), np.degrees(np.arctan(0.1)), atol=0.1)
 
 
-def test_the_survey_reads_the_ground_at_its_places():
+def test_local_ground_reads_heights_at_positions():
     ground = local_ground(lambda x, y: (0.2 * x - 0.1 * y).astype(np.float32), (1, 2), (3, 3))
     x, y = np.array([1.03, 2.5]), np.array([2.01, 2.77])
     np.testing.assert_allclose(ground.read(ground.height_m, x, y), 0.2 * x - 0.1 * y, atol=1e-4)

@@ -1,4 +1,4 @@
-"""Rendering and its truth: skipped, with the command that installs it, without Mitsuba."""
+"""Rendered images and their ground truth. Skipped without Mitsuba or LLVM."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rosbags.highlevel import AnyReader
 
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.simulation.cache import render_bag
-from rover_obstacle_detection.simulation.frames import SceneWorld, render, right_eye
+from rover_obstacle_detection.simulation.frames import SceneWorld, render, right_camera
 from rover_obstacle_detection.simulation.labels import DROP, NOT_COUNTED, ROCK, SLOPE, survey
 from rover_obstacle_detection.simulation.presets import scene_of
 from rover_obstacle_detection.simulation.renderer import load_mitsuba
@@ -24,8 +24,8 @@ def _mitsuba():
         pytest.skip(str(error))
 
 
-class Look:
-    """A world seen once by both eyes, without sensor."""
+class View:
+    """One view of a scene, without the sensor model."""
 
     def __init__(self, scene, rocks=None):
         self.scene = scene
@@ -41,26 +41,26 @@ class Look:
         rows, columns = np.mgrid[: self.camera.height, : self.camera.width].astype(np.float32)
         self.rows, self.right_columns = rows, (columns - self.disparity).astype(np.float32)
 
-    def grey(self, eye, samples):
+    def grey(self, side, samples):
         camera, pose = self.camera, self.pose
-        if eye == 'right':
-            camera, pose = right_eye(self.scene, camera, pose)
-        return self.renderer.radiance(camera, pose, samples, 1 + (eye == 'right')).mean(2)
+        if side == 'right':
+            camera, pose = right_camera(self.scene, camera, pose)
+        return self.renderer.radiance(camera, pose, samples, 1 + (side == 'right')).mean(2)
 
-    def carried(self):
-        """Where the right eye, looking at the carried pixels, sees them; and who is seen."""
-        camera, pose = right_eye(self.scene, self.camera, self.pose)
+    def reprojected(self):
+        """Disparity error of the left pixels in the right camera, and which are visible there."""
+        camera, pose = right_camera(self.scene, self.camera, self.pose)
         depth, _ = self.renderer.cast_at(camera, pose, self.right_columns, self.rows)
         with np.errstate(invalid='ignore'):
             error_px = np.abs(camera.fx * camera.baseline_m / depth - self.disparity)
-            # More than a pixel off, something nearer stands before it.
-            seen = (self.right_columns >= 0) & (error_px < 1)
-        return error_px, seen
+            # A larger error means that a nearer surface occludes the pixel.
+            visible = (self.right_columns >= 0) & (error_px < 1)
+        return error_px, visible
 
 
 @pytest.fixture(scope='module')
 def nominal():
-    return Look(scene_of('nominal', 3, ['noon'], 'study', {'width': 320}))
+    return View(scene_of('nominal', 3, ['noon'], 'study', {'width': 320}))
 
 
 @pytest.fixture(scope='module')
@@ -70,18 +70,18 @@ def crater():
 
 
 @pytest.mark.parametrize('rig', ['study', 'hazcam'])
-def test_left_pixels_carried_by_true_depth_meet_their_own_surface(rig, nominal):
-    look = nominal if rig == 'study' else Look(scene_of('x', 4, ['noon'], rig, {'width': 256}))
-    error_px, seen = look.carried()
-    assert seen.sum() > 0.85 * np.isfinite(look.hits.depth_m).sum()
-    assert error_px[seen].mean() < 0.01
-    assert np.percentile(error_px[seen], 99) < 0.01
+def test_true_depth_reprojects_onto_the_same_surface(rig, nominal):
+    view = nominal if rig == 'study' else View(scene_of('x', 4, ['noon'], rig, {'width': 256}))
+    error_px, visible = view.reprojected()
+    assert visible.sum() > 0.85 * np.isfinite(view.hits.depth_m).sum()
+    assert error_px[visible].mean() < 0.01
+    assert np.percentile(error_px[visible], 99) < 0.01
 
 
-def test_the_images_agree_with_the_true_depth(nominal):
+def test_images_agree_with_true_depth(nominal):
     left, right = nominal.grey('left', 25), nominal.grey('right', 25)
-    error_px, seen = nominal.carried()
-    ground = seen & (error_px < 0.05) & (nominal.hits.instances == 0)
+    error_px, visible = nominal.reprojected()
+    ground = visible & (error_px < 0.05) & (nominal.hits.instances == 0)
     ground = cv2.erode(ground.astype(np.uint8), np.ones((9, 9))) > 0
     first = cv2.GaussianBlur(left, (0, 0), 1)
     second = cv2.remap(
@@ -95,9 +95,9 @@ def test_the_images_agree_with_the_true_depth(nominal):
     assert np.abs(shift_px).max() < 0.02
 
 
-def test_plain_stereo_is_within_a_pixel_on_sunlit_ground(nominal):
+def test_plain_sgbm_matches_true_disparity_on_sunlit_ground(nominal):
     frame = next(render(nominal.scene))
-    left, right = (cv2.cvtColor(eye, cv2.COLOR_RGB2GRAY) for eye in (frame.left, frame.right))
+    left, right = (cv2.cvtColor(each, cv2.COLOR_RGB2GRAY) for each in (frame.left, frame.right))
     matcher = cv2.StereoSGBM_create(
         numDisparities=32,
         blockSize=5,
@@ -109,19 +109,19 @@ def test_plain_stereo_is_within_a_pixel_on_sunlit_ground(nominal):
         mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )
     disparity = matcher.compute(left, right) / 16.0
-    _, seen = nominal.carried()
-    ground = seen & (nominal.hits.instances == 0)
+    _, visible = nominal.reprojected()
+    ground = visible & (nominal.hits.instances == 0)
     sunlit = ground & (left > 0.6 * np.median(left[ground]))
     matched = sunlit & (disparity > 0)
     error_px = np.abs(disparity - nominal.disparity)[matched]
-    # The matcher has nothing to say in the leftmost columns.
+    # SGBM computes no disparity in the leftmost numDisparities columns.
     assert matched[:, 32:].sum() > 0.97 * sunlit[:, 32:].sum()
     assert (error_px < 1).mean() > 0.99
     assert np.median(error_px) < 0.25
 
 
 def survey_of(frame, cell_m=0.02):
-    """Ground, its slope and drop, from depth, instances and pose of a frame alone."""
+    """Slope, drop and height above ground, from depth, instances and pose only."""
     x_over_z, y_over_z = frame.camera.rays()
     z = frame.depth_m
     points = frame.pose.to_world(np.stack([x_over_z * z, y_over_z * z, z], 2))
@@ -155,7 +155,7 @@ def overlap(first, second):
     return (first & second).sum() / (first | second).sum()
 
 
-def test_labels_follow_from_depth_and_instances(crater):
+def test_labels_agree_with_depth_and_instances(crater):
     slope_deg, drop_m, above_m = survey_of(crater)
     ground = crater.instances == 0
     steep = ground & (slope_deg > 20)
@@ -164,7 +164,7 @@ def test_labels_follow_from_depth_and_instances(crater):
     assert overlap(low, ground & (crater.labels == DROP)) > 0.85
     assert (crater.labels == SLOPE).sum() > 5000
     assert (crater.labels == DROP).sum() > 1000
-    judged = 0
+    checked = 0
     height, width = crater.labels.shape
     for number in np.unique(crater.instances)[1:]:
         pixels = crater.instances == number
@@ -173,23 +173,23 @@ def test_labels_follow_from_depth_and_instances(crater):
         inside &= rows.max() < height - 1 and columns.max() < width - 1
         if pixels.sum() < 60 or not inside:
             continue
-        judged += 1
+        checked += 1
         top_m = above_m[pixels].max()
-        # The far side of a rock hides the ground that its height counts from.
+        # The bounds overlap because a rock hides the ground behind it.
         if (crater.labels[pixels] == ROCK).all():
             assert top_m > 0.10
         else:
             assert top_m < 0.14
-    assert judged > 8
+    assert checked > 8
 
 
-def test_rocks_have_one_label_each(crater):
+def test_each_rock_has_one_label(crater):
     for number in np.unique(crater.instances)[1:]:
         values = set(np.unique(crater.labels[crater.instances == number]))
         assert values in ({ROCK}, {NOT_COUNTED}) or not values & {ROCK, NOT_COUNTED}
 
 
-def test_sky_has_no_surface_and_is_not_counted():
+def test_sky_has_no_depth_and_is_not_counted():
     scene = scene_of('x', 6, ['moon'], 'hazcam', {'width': 160, 'sensor': {'samples': 4}})
     frame = next(render(scene))
     sky = np.isnan(frame.depth_m)
@@ -200,8 +200,8 @@ def test_sky_has_no_surface_and_is_not_counted():
     assert frame.left[sky].mean() < 0.2 * frame.left[~sky].mean()
 
 
-def test_shadows_fall_away_from_the_sun():
-    # The sun stands on the left: the shadow lies to the right of the rock.
+def test_shadows_point_away_from_the_sun():
+    # The sun is on the left, so the shadow is to the right of the rock.
     scene = scene_of(
         'x',
         1,
@@ -215,9 +215,9 @@ def test_shadows_fall_away_from_the_sun():
         },
     )
     one = RockField(np.array([1.0]), np.zeros(1), np.array([0.3]), np.array([7]))
-    look = Look(scene, one)
-    light = look.grey('left', 4)
-    rows, columns = np.nonzero(look.hits.instances == 1)
+    view = View(scene, one)
+    light = view.grey('left', 4)
+    rows, columns = np.nonzero(view.hits.instances == 1)
     row = round(rows.mean())
     left, right = columns[rows == row].min(), columns[rows == row].max()
     shadow, sunlit = light[row, right + 2 : right + 5], light[row, left - 4 : left - 1]
@@ -229,7 +229,7 @@ def messages(path):
         return [(each.topic, time_ns, bytes(data)) for each, time_ns, data in reader.messages()]
 
 
-def test_the_same_seed_gives_the_same_bag_and_a_drive_sees_the_same_rocks(tmp_path):
+def test_equal_seeds_give_equal_bags_and_rocks_persist_during_a_drive(tmp_path):
     def bag(name, seed):
         parameters = {
             'width': 96,
@@ -243,11 +243,11 @@ def test_the_same_seed_gives_the_same_bag_and_a_drive_sees_the_same_rocks(tmp_pa
     first, again, other = bag('a', 1), bag('b', 1), bag('c', 2)
     assert first == again
     assert [each[:2] for each in other] == [each[:2] for each in first]
-    pictures = [
+    left_images = [
         {data for topic, _, data in each if topic == '/stereo/left/image_rect'}
         for each in (first, other)
     ]
-    assert len(pictures[0]) == 2
-    assert not pictures[0] & pictures[1]
+    assert len(left_images[0]) == 2
+    assert not left_images[0] & left_images[1]
     seen = [set(np.frombuffer(data, np.uint16)) for topic, _, data in first if 'inst' in topic]
     assert len(seen[0] & seen[1]) > 0.5 * len(seen[0])

@@ -32,15 +32,15 @@ def field(seed=1, frames=1, **parameters):
     return scatter(rocks, NAVCAM, NAVCAM.camera(512), poses, seed)
 
 
-def test_the_law_is_that_of_golombek_and_rapp():
-    # Their equation 5 with k = 0.069, as at the Viking 1 site: q = 1.79 + 0.152 / 0.069.
+def test_covered_fraction_follows_golombek_and_rapp():
+    # Equation 5 with k = 0.069, as at the Viking 1 site: q = 1.79 + 0.152 / 0.069.
     assert covered_fraction(0.0, 0.069) == pytest.approx(0.069)
     assert covered_fraction(0.5, 0.069) == pytest.approx(
         0.069 * math.exp(-(1.79 + 0.152 / 0.069) * 0.5)
     )
 
 
-def test_counts_of_bins_add_up_to_the_covered_fraction():
+def test_rock_counts_add_up_to_the_covered_fraction():
     edges = np.geomspace(0.02, 1.0, 200)
     area = sum(
         rocks_per_square_metre(low, high, 0.1) * math.pi / 4 * ((low + high) / 2) ** 2
@@ -50,20 +50,20 @@ def test_counts_of_bins_add_up_to_the_covered_fraction():
     assert area == pytest.approx(expected, rel=1e-3)
 
 
-def test_scattered_rocks_cover_what_the_law_says():
+def test_scattered_rocks_cover_the_expected_fraction():
     cover, low, high = 0.08, 0.05, 0.3
     covered, seeds = 0.0, range(4)
     for seed in seeds:
         rocks = field(seed, cover=cover, smallest_m=low, largest_m=high)
-        # Well inside the view, where nothing is left out for being hidden from it.
+        # Well inside the view, where all rocks are generated.
         inside = (rocks.x_m > 3) & (rocks.x_m < 9) & (np.abs(rocks.y_m) < 1.5)
         covered += (math.pi / 4 * rocks.diameter_m[inside] ** 2).sum() / 18.0
     expected = covered_fraction(low, cover) - covered_fraction(high, cover)
-    # Some are taken away for lying inside of others.
+    # Rocks inside others are removed.
     assert 0.8 * expected < covered / len(seeds) < 1.1 * expected
 
 
-def test_rocks_are_the_same_by_seed_and_sorted_by_size():
+def test_equal_seeds_give_equal_rocks_sorted_by_size():
     first, again, other = field(7), field(7), field(8)
     for name in ('x_m', 'y_m', 'diameter_m', 'seed'):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
@@ -72,7 +72,7 @@ def test_rocks_are_the_same_by_seed_and_sorted_by_size():
     assert not np.array_equal(first.x_m[:10], other.x_m[:10])
 
 
-def test_no_rock_lies_where_the_rover_drives():
+def test_the_path_of_the_rover_is_free_of_rocks():
     rocks = field(3, frames=5, cover=0.3, smallest_m=0.05)
     for pose in drive(level, NAVCAM, DriveParameters(frames=5)):
         x, y = pose.ground_below
@@ -81,12 +81,12 @@ def test_no_rock_lies_where_the_rover_drives():
         assert (distance[large] > 0.25).all()
 
 
-def test_no_cover_and_none_placed_is_no_rock():
+def test_no_rocks_without_cover_and_placed_rocks():
     assert len(field(cover=0.0)) == 0
 
 
 @pytest.mark.parametrize('level_number', [0, 1, 4])
-def test_a_sphere_is_closed_and_faces_outward(level_number):
+def test_icosphere_is_closed_and_faces_outward(level_number):
     vertices, faces = icosphere(level_number)
     edges = {
         tuple(sorted(edge)) for a, b, c in faces.tolist() for edge in ((a, b), (b, c), (c, a))
@@ -110,7 +110,7 @@ def heights_of(scene):
     return world.rocks.diameter_m[drawn - 1], heights[drawn], mesh
 
 
-def test_rocks_are_about_half_as_high_as_wide():
+def test_rock_mesh_proportions_and_consistency():
     diameter, height, mesh = heights_of(scene_of('x', 1, ['noon'], 'vga', {'width': 320}))
     large = diameter > 0.1
     ratio = height[large] / diameter[large]
@@ -122,13 +122,13 @@ def test_rocks_are_about_half_as_high_as_wide():
     assert ((mesh.colours > 0) & (mesh.colours < 1)).all()
 
 
-def test_no_pebble_is_an_obstacle():
+def test_pebbles_are_lower_than_the_clearance():
     _, height, _ = heights_of(scene_of('x', 1, ['pebbles'], 'vga', {'width': 320}))
     assert len(height) > 300
     assert height.max() < 0.08
 
 
-def test_a_rock_keeps_its_shape_when_it_comes_nearer():
+def test_rock_shape_does_not_depend_on_resolution():
     world = SceneWorld(scene_of('x', 2, ['noon'], 'vga', {'width': 160}))
     chosen = np.array([0])
     far, near = (

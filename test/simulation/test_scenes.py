@@ -13,7 +13,7 @@ from rover_obstacle_detection.simulation.suite import load_suite, suite_names
 
 
 @pytest.mark.parametrize('condition', PRESETS)
-def test_every_condition_makes_a_scene_of_every_rig_that_can_be_written_down(condition):
+def test_every_condition_and_rig_gives_a_serialisable_scene(condition):
     for rig in RIGS:
         scene = scene_of('x', 3, [condition], rig)
         assert Scene.from_mapping(scene.to_mapping()) == scene
@@ -22,7 +22,7 @@ def test_every_condition_makes_a_scene_of_every_rig_that_can_be_written_down(con
             assert scene != scene_of('x', 3, [], rig, {'conditions': [condition]})
 
 
-def test_later_conditions_and_parameters_win():
+def test_later_conditions_and_parameters_override():
     scene = scene_of(
         'x', 1, ['low_sun_across', 'crater'], 'study', {'light': {'sun_azimuth_deg': 5}}
     )
@@ -59,11 +59,11 @@ def test_later_conditions_and_parameters_win():
         ),
         (
             lambda: scene_of('x', 1, [], 'study', {'terrain': 3}),
-            'terrain. is 3: expected named parameters',
+            'terrain is 3: expected named parameters',
         ),
     ],
 )
-def test_what_is_wrong_is_named(call, message):
+def test_invalid_scene_is_named(call, message):
     with pytest.raises(ConfigurationError, match=message):
         call()
 
@@ -84,7 +84,7 @@ def test_every_parameter_has_a_description():
         {'horizontal_view_deg': 60.0},
     ],
 )
-def test_what_a_scene_has_of_its_own_goes_into_the_rig(own):
+def test_scene_overrides_the_rig(own):
     scene = scene_of('x', 1, [], 'navcam', own)
     assert asdict(scene.rig_used()) == {**asdict(RIGS['navcam']), **own}
 
@@ -93,7 +93,7 @@ def test_what_a_scene_has_of_its_own_goes_into_the_rig(own):
     ('rig', 'focal', 'size'),
     [('study', 665.1, (1024, 768)), ('navcam', 1236.1, (1024, 768)), ('vga', 457.0, (640, 480))],
 )
-def test_rigs_have_the_focal_length_of_their_view(rig, focal, size):
+def test_focal_length_follows_field_of_view_and_width(rig, focal, size):
     camera = RIGS[rig].camera()
     assert camera.fx == pytest.approx(focal, abs=0.1)
     assert (camera.width, camera.height) == size
@@ -101,12 +101,12 @@ def test_rigs_have_the_focal_length_of_their_view(rig, focal, size):
     assert half.fx == pytest.approx(camera.fx / 2)
 
 
-def test_the_standard_suite_covers_conditions_and_rigs_and_keeps_its_halves_apart():
+def test_standard_suite_covers_all_conditions_and_rigs_without_shared_seeds():
     scenes = load_suite('standard')
     tuning = [scene for scene in scenes if scene.name.startswith('tune_')]
     reporting = [scene for scene in scenes if scene.name.startswith('report_')]
     assert len(tuning) + len(reporting) == len(scenes)
-    # The reported figures are comparable only while these stay; tuning scenes may be added.
+    # Reported figures stay comparable only if these scenes do not change.
     assert len(reporting) == 16
     assert {scene.rig for scene in tuning} == {scene.rig for scene in reporting} == set(RIGS)
     assert {name for scene in scenes for name in scene.conditions} == set(PRESETS)
@@ -124,21 +124,21 @@ def test_the_standard_suite_covers_conditions_and_rigs_and_keeps_its_halves_apar
         ('scenes: [', 'suite .*mine.yaml'),
     ],
 )
-def test_a_suite_that_is_not_understood_is_refused(tmp_path, text, message):
+def test_invalid_suite_is_refused(tmp_path, text, message):
     path = tmp_path / 'mine.yaml'
     path.write_text(text)
     with pytest.raises(ConfigurationError, match=message):
         load_suite(str(path))
 
 
-def test_a_suite_that_is_not_there_is_named():
+def test_unknown_suite_is_refused():
     with pytest.raises(
         ConfigurationError, match="no suite 'standart': expected one of drawn, samples, standard"
     ):
         load_suite('standart')
 
 
-def test_a_cached_bag_is_not_rendered_again(tmp_path, monkeypatch):
+def test_cached_bag_is_not_rendered_again(tmp_path, monkeypatch):
     rendered = []
 
     def write(path, scene, frames):
@@ -154,40 +154,40 @@ def test_a_cached_bag_is_not_rendered_again(tmp_path, monkeypatch):
     assert [scene.seed for scene in rendered] == [1, 2]
 
 
-def test_two_that_render_the_same_scene_at_once_both_have_its_bag(tmp_path, monkeypatch):
+def test_concurrent_rendering_of_a_scene(tmp_path, monkeypatch):
     scene = scene_of('one', 1)
-    others = tmp_path / cache.scene_key(scene) / 'one'
+    cached = tmp_path / cache.scene_key(scene) / 'one'
 
     def write(path, scene, frames):
-        for each in (path, others):
+        for each in (path, cached):
             each.mkdir(parents=True)
             (each / 'metadata.yaml').write_text('whole')
 
     monkeypatch.setattr(cache, 'write_labelled_bag', write)
-    assert cache.simulated_bag(scene, tmp_path) == others
-    assert (others / 'metadata.yaml').read_text() == 'whole'
-    assert list(others.parent.iterdir()) == [others]
+    assert cache.simulated_bag(scene, tmp_path) == cached
+    assert (cached / 'metadata.yaml').read_text() == 'whole'
+    assert list(cached.parent.iterdir()) == [cached]
 
 
-def test_a_cache_that_cannot_be_written_is_named(tmp_path):
+def test_unwritable_cache_is_named(tmp_path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(OutputError, match=r'cannot write into .*file'):
         cache.simulated_bag(scene_of('one', 1), tmp_path / 'file')
 
 
-def test_the_cache_is_where_the_user_wants_it(tmp_path, monkeypatch):
+def test_cache_folder_follows_xdg(tmp_path, monkeypatch):
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
     assert cache.cache_folder().parent == tmp_path
 
 
-def test_missing_llvm_is_named_with_the_command(monkeypatch):
+def test_missing_llvm_names_the_install_command(monkeypatch):
     monkeypatch.delenv('DRJIT_LIBLLVM_PATH', raising=False)
     monkeypatch.setattr(renderer, '_find_llvm', lambda: None)
     with pytest.raises(MissingExtraError, match='sudo apt-get install libllvm19'):
         renderer.load_mitsuba()
 
 
-def test_an_llvm_that_mitsuba_refuses_is_named(monkeypatch):
+def test_incompatible_llvm_is_named(monkeypatch):
     class Mitsuba:
         def set_variant(self, name):
             raise ImportError('the LLVM backend is inactive')
@@ -198,7 +198,7 @@ def test_an_llvm_that_mitsuba_refuses_is_named(monkeypatch):
         renderer.load_mitsuba()
 
 
-def test_missing_mitsuba_is_named_with_the_command(monkeypatch):
+def test_missing_mitsuba_names_the_install_command(monkeypatch):
     def refuse(name):
         raise ImportError(name)
 
