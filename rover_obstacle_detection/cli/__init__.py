@@ -1,1 +1,1 @@
-"""The command line: argument parsing apart from the work."""
+"""The command line; it parses arguments and leaves the work to `offline` and `node`."""

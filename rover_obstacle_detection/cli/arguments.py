@@ -1,4 +1,4 @@
-"""Argument types and groups that several subcommands share."""
+"""Argument types and options shared by several subcommands."""
 
 from __future__ import annotations
 
@@ -12,25 +12,41 @@ from typing import Any
 from rover_obstacle_detection.detection.config import METHODS, DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
 
+# The other sources need a running ROS graph.
 OFFLINE_GRAVITY_SOURCES = ('estimate', 'parameters')
 Setting = tuple[str, Any]
 
 
-def seconds(text: str) -> float:
-    """Parse a time span: a number, 0 or more."""
+def add_command(
+    subparsers: argparse._SubParsersAction[argparse.ArgumentParser],
+    name: str,
+    summary: str,
+    description: str,
+    epilog: str,
+) -> argparse.ArgumentParser:
+    """Add a subcommand whose help keeps the line breaks of its texts."""
+    return subparsers.add_parser(
+        name,
+        help=summary,
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+def non_negative_number(text: str) -> float:
+    """Parse a finite number, 0 or more."""
     value = _number(text)
     if value < 0:
-        msg = f'{text!r}: expected 0 or more seconds'
-        raise argparse.ArgumentTypeError(msg)
+        raise argparse.ArgumentTypeError(f'{text!r}: expected 0 or more')
     return value
 
 
-def positive_seconds(text: str) -> float:
-    """Parse a time span of more than 0."""
+def positive_number(text: str) -> float:
+    """Parse a finite number above 0."""
     value = _number(text)
     if value <= 0:
-        msg = f'{text!r}: expected more than 0 seconds'
-        raise argparse.ArgumentTypeError(msg)
+        raise argparse.ArgumentTypeError(f'{text!r}: expected a number above 0')
     return value
 
 
@@ -41,23 +57,22 @@ def positive_int(text: str) -> int:
     except ValueError:
         value = 0
     if value < 1:
-        msg = f'{text!r}: expected a whole number, 1 or more'
-        raise argparse.ArgumentTypeError(msg)
+        raise argparse.ArgumentTypeError(f'{text!r}: expected a whole number, 1 or more')
     return value
 
 
 def setting(text: str) -> Setting:
-    """Parse ``name=value`` into a detector parameter and its value of the right type."""
+    """Parse ``name=value`` into a detector parameter and a value of its type."""
     name, equals, value_text = text.partition('=')
     if not equals:
-        msg = f'{text!r}: expected name=value, such as max_step=0.15'
-        raise argparse.ArgumentTypeError(msg)
+        raise argparse.ArgumentTypeError(
+            f'{text!r}: expected name=value, for example max_step=0.15'
+        )
     descriptions = {each.name: each for each in DetectorConfig.parameters()}
     if name not in descriptions:
         near = difflib.get_close_matches(name, descriptions, n=1)
         hint = f'did you mean {near[0]}?' if near else f'expected one of {", ".join(descriptions)}'
-        msg = f'{name!r} is not a parameter of the detector: {hint}'
-        raise argparse.ArgumentTypeError(msg)
+        raise argparse.ArgumentTypeError(f'{name!r} is not a parameter of the detector: {hint}')
     value = _typed(value_text, type(descriptions[name].default))
     try:
         descriptions[name].check(value)
@@ -76,27 +91,31 @@ def add_calibration_arguments(
             metavar='YAML',
             type=Path,
             required=required,
-            help=f'calibration of the {side} camera, as ROS camera_calibration writes it'
+            help=f'calibration of the {side} camera, as written by ROS camera_calibration'
             f'{when_missing}',
         )
 
 
 def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
-    """Add what chooses the images and the calibration of a recording."""
+    """Add the options for a recording's topics and calibration, and ``--every``."""
     for side in ('left', 'right'):
         group.add_argument(
             f'--{side}-topic',
             metavar='TOPIC',
-            help=f'{side} image topic (default: found by its name)',
+            help=f'{side} image topic (default: found by name)',
         )
     add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
     group.add_argument(
-        '--every', metavar='N', type=positive_int, default=1, help='take every N-th pair only'
+        '--every',
+        metavar='N',
+        type=positive_int,
+        default=1,
+        help='use only every N-th pair (default: 1)',
     )
 
 
 def calibration_files(arguments: argparse.Namespace) -> tuple[Path, Path] | None:
-    """Return both calibration files, or None where none is given.
+    """Return both calibration files, or None if neither is given.
 
     Raises
     ------
@@ -108,38 +127,40 @@ def calibration_files(arguments: argparse.Namespace) -> tuple[Path, Path] | None
         return left, right
     if left or right:
         given, missing = ('left', 'right') if left else ('right', 'left')
-        msg = f'--{given}-info is given without --{missing}-info: expected both or none'
-        raise argparse.ArgumentTypeError(msg)
+        raise argparse.ArgumentTypeError(
+            f'--{given}-info is given without --{missing}-info: expected both or neither'
+        )
     return None
 
 
 def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the group of options that make the detector's configuration."""
+    """Add the options for the detector's configuration and the rover's own pixels."""
     group = parser.add_argument_group('detector')
     group.add_argument(
         '--method',
         choices=METHODS,
-        help='hybrid (the default), or study: the published method as it was written',
+        help="hybrid (default), or study: the study's method with its errors corrected",
     )
     add_parameter_arguments(group)
     group.add_argument(
         '--rover-mask',
         metavar='PNG',
         default='',
-        help='picture that is not black where the left image shows the rover itself',
+        help='image that is not black where the left image shows the rover itself',
     )
     group.add_argument(
         '--rover-polygon',
         metavar='CORNERS',
         default='',
-        help='the same as a polygon in pixels, such as [[0,600],[1023,600],[1023,767],[0,767]]',
+        help='the same as a polygon in pixels, for example '
+        '[[0,600],[1023,600],[1023,767],[0,767]]',
     )
 
 
 def add_parameter_arguments(group: argparse._ArgumentGroup) -> None:
     """Add ``--params`` and ``--set``."""
     group.add_argument(
-        '--params', metavar='YAML', type=Path, help='ROS parameter file, as the node takes it'
+        '--params', metavar='YAML', type=Path, help='ROS parameter file, the same as for the node'
     )
     group.add_argument(
         '--set',
@@ -148,18 +169,18 @@ def add_parameter_arguments(group: argparse._ArgumentGroup) -> None:
         action='append',
         default=[],
         dest='settings',
-        help='one parameter, over the parameter file; may be repeated',
+        help='set a parameter, overriding the parameter file; may be repeated',
     )
 
 
 def detector_config(arguments: argparse.Namespace) -> DetectorConfig:
-    """Make the configuration: parameter file, then ``--set``, then ``--method``.
+    """Build the configuration: parameter file, then ``--set``, then ``--method``.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, the parameters contradict each other, or the vertical is to
-        come from what only a live node has.
+        If the file cannot be read, the parameters contradict each other, or ``gravity_source``
+        needs the live node.
     """
     config = DetectorConfig()
     if arguments.params:
@@ -167,16 +188,41 @@ def detector_config(arguments: argparse.Namespace) -> DetectorConfig:
 
         config = load_config(arguments.params)
     changes: dict[str, Any] = dict(arguments.settings)
-    if arguments.method:
-        changes['method'] = arguments.method
+    if method := getattr(arguments, 'method', None):
+        changes['method'] = method
     config = dataclasses.replace(config, **changes)
     if config.gravity_source not in OFFLINE_GRAVITY_SOURCES:
-        msg = (
-            f'gravity_source is {config.gravity_source!r}, which only the live node follows: '
+        raise ConfigurationError(
+            f'gravity_source is {config.gravity_source!r}, which needs the live node: '
             f'expected {" or ".join(OFFLINE_GRAVITY_SOURCES)}'
         )
-        raise ConfigurationError(msg)
     return config
+
+
+def add_output_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add ``--output`` and ``--force`` for an output folder; return their group."""
+    group = parser.add_argument_group('output')
+    group.add_argument(
+        '-o', '--output', metavar='DIR', type=Path, required=True, help='folder for the results'
+    )
+    group.add_argument(
+        '--force',
+        action='store_true',
+        help='write into a folder that is not empty; replaces the files of an earlier run and '
+        'keeps all others',
+    )
+    return group
+
+
+def add_ros_arguments(parser: argparse.ArgumentParser, examples: str) -> None:
+    """Add ``--ros-args``, which takes the rest of the command line."""
+    parser.add_argument(
+        '--ros-args',
+        nargs=argparse.REMAINDER,
+        default=[],
+        metavar='...',
+        help=f'pass all remaining arguments to ROS 2: {examples}, ...',
+    )
 
 
 def _number(text: str) -> float:
@@ -185,13 +231,12 @@ def _number(text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        msg = f'{text!r}: expected a number'
-        raise argparse.ArgumentTypeError(msg)
+        raise argparse.ArgumentTypeError(f'{text!r}: expected a number')
     return value
 
 
 def _typed(text: str, kind: type) -> Any:
-    """Read a value as its parameter's type; a text that does not fit is left to the check."""
+    """Convert text to a parameter's type; invalid text is returned for the check to refuse."""
     if kind is bool:
         return {'true': True, 'false': False}.get(text.lower(), text)
     try:

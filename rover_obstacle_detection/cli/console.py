@@ -1,4 +1,4 @@
-"""What the subcommands say on stderr: errors in one line, and a progress bar."""
+"""Console output of the subcommands: errors, warnings, progress bars and tables."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.evaluation.tables import Table
 
 OnTaskProgress = Callable[[int, int, int], None]
-"""Called with the task's index, the steps done and the steps expected."""
+"""Called with the task's index and the number of steps done and expected."""
 
 
 def report_error(message: str) -> None:
-    """Say what was wrong in one line."""
+    """Print an error on one line of stderr."""
     print(f'rover-obstacles: error: {" ".join(message.split())}', file=sys.stderr)
 
 
 @contextlib.contextmanager
 def warnings_on_stderr() -> Iterator[None]:
-    """Show what the package's loggers warn of, a line each."""
+    """Print the warnings of the package's loggers on stderr, one line each."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter('rover-obstacles: %(levelname)s: %(message)s'))
     logger = logging.getLogger('rover_obstacle_detection')
@@ -35,7 +35,7 @@ def warnings_on_stderr() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
-    """Show a bar for each task on stderr; nothing where that is not a terminal."""
+    """Show a progress bar for each task on stderr, if that is a terminal."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -69,7 +69,7 @@ def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
 
 
 def print_table(table: Table) -> None:
-    """Print a table; long names are folded where the terminal is narrow, figures stay whole."""
+    """Print a table; a narrow terminal wraps the first column but never the figures."""
     from rich.console import Console
     from rich.table import Table as RichTable
 

@@ -1,4 +1,4 @@
-"""``rover-obstacles detect``: one pair of image files in, obstacles out."""
+"""``rover-obstacles detect``: detect obstacles in one pair of image files."""
 
 from __future__ import annotations
 
@@ -7,19 +7,23 @@ from pathlib import Path
 
 from rover_obstacle_detection.cli.arguments import (
     add_calibration_arguments,
+    add_command,
     add_detector_arguments,
+    add_output_arguments,
     detector_config,
 )
 
 DESCRIPTION = """\
-Run the detector over one rectified pair of image files.
+Detect obstacles in one rectified pair of image files.
 
-Writes into DIR:
+Writes to DIR:
   mask.png       0 free, 255 obstacle
-  overlay.png    the obstacles drawn into the left image, with height and distance
-  points.ply     x y z height obstacle, and colours; left optical frame, metres
-  summary.json   parameters, versions, times, and each obstacle's figures
-  disparity, regions, seeds, roughness_step, obstacle_map (.png): the steps on the way
+  overlay.png    left image with the obstacles, their height and distance
+  points.ply     position, height, confidence, colour and obstacle flag of each point;
+                 left optical frame, metres
+  summary.json   parameters, versions, times, and the figures of each obstacle
+  disparity.png, regions.png, seeds.png, roughness_step.png, obstacle_map.png
+                 intermediate steps
 """
 EPILOG = """\
 example:
@@ -30,35 +34,19 @@ example:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        'detect',
-        help='run the detector over one pair of image files',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    summary = 'detect obstacles in one pair of image files'
+    parser = add_command(subparsers, 'detect', summary, DESCRIPTION, EPILOG)
     source = parser.add_argument_group('input')
     for side in ('left', 'right'):
-        source.add_argument(
-            side, metavar=side.upper(), type=Path, help=f'rectified image of the {side} eye'
-        )
+        source.add_argument(side, metavar=side.upper(), type=Path, help=f'rectified {side} image')
     add_calibration_arguments(source, required=True)
     add_detector_arguments(parser)
-    output = parser.add_argument_group('output')
-    output.add_argument(
-        '-o', '--output', metavar='DIR', type=Path, required=True, help='folder for the results'
-    )
-    output.add_argument(
-        '--force',
-        action='store_true',
-        help='write into a folder that exists: files of an earlier run are replaced, all others '
-        'are left as they are',
-    )
+    add_output_arguments(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Detect in the pair, and print its obstacles."""
+    """Detect the obstacles and print a table of them."""
     from rich.console import Console
 
     from rover_obstacle_detection.offline.detect_pair import detect_pair

@@ -1,4 +1,4 @@
-"""``rover-obstacles evaluate``: figures of one or more methods over labelled bags."""
+"""``rover-obstacles evaluate``: compare methods with the labels of labelled bags."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rover_obstacle_detection.cli.arguments import (
+    add_command,
     add_parameter_arguments,
     add_recording_arguments,
     calibration_files,
@@ -23,11 +24,12 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.offline.evaluate import BagOptions
 
 DESCRIPTION = """\
-Compare detectors with the labels of labelled bags: pixels, obstacles found, false alarms, time.
+Evaluate detection methods on labelled bags: pixel figures, obstacles found, false alarms, time.
 
-A labelled bag holds, beside the stereo images, /truth/labels on the same stamps (mono8: 0 free,
-1 rock, 2 slope, 3 drop, 255 not counted), and may hold /truth/instances (mono16: 0 ground, 1 and
-up the rock's number) and /truth/depth (32FC1, metres along the optical axis).
+A labelled bag has, in addition to the stereo images and with the same stamps:
+  /truth/labels      mono8: 0 free, 1 rock, 2 slope, 3 drop, 255 not counted
+  /truth/instances   mono16, optional: 0 ground, 1 and up: number of the rock
+  /truth/depth       32FC1, optional: metres along the optical axis
 
 methods:
 """
@@ -44,13 +46,8 @@ WORST_PICTURES = 10
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        'evaluate',
-        help='figures of one or more methods over labelled bags',
-        description=DESCRIPTION + METHOD_LINES,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    summary = 'evaluate methods on labelled bags'
+    parser = add_command(subparsers, 'evaluate', summary, DESCRIPTION + METHOD_LINES, EPILOG)
     parser.add_argument(
         'bags',
         nargs='+',
@@ -63,10 +60,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         action='append',
         choices=(*METHOD_DESCRIPTIONS, ALL),
         dest='methods',
-        help='may be repeated; all: every one that is installed (default: hybrid)',
+        help='method to evaluate, or all that are installed; may be repeated (default: hybrid)',
     )
     _add_input_arguments(parser)
-    add_parameter_arguments(parser.add_argument_group('parameters of the methods'))
+    add_parameter_arguments(parser.add_argument_group('parameters'))
     _add_output_arguments(parser)
     parser.set_defaults(run=run)
 
@@ -77,7 +74,8 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         '--labels-topic',
         metavar='TOPIC',
-        help='instances and depth are looked for beside it (default: the one called truth/labels)',
+        help='topic of the labels; instances and depth are expected next to it '
+        '(default: the topic ending in truth/labels)',
     )
     group.add_argument(
         '--condition',
@@ -85,39 +83,39 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
         action='append',
         default=[],
         dest='conditions',
-        help='condition of all the bags; may be repeated (default: as the bag says, or from its '
-        'name: reporting_03_low_sun is low_sun)',
+        help='condition of all bags, for the tables; may be repeated (default: from /truth/scene '
+        'or the name of the bag: low_sun for reporting_03_low_sun)',
     )
 
 
 def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('output')
-    group.add_argument('--json', metavar='FILE', type=Path, help='write every figure here')
+    group.add_argument('--json', metavar='FILE', type=Path, help='write all figures to this file')
     group.add_argument(
         '--report',
         metavar='FILE',
         type=Path,
-        help='write an HTML page with plots and pictures of the worst frames; it runs the methods '
-        'at other clearances, too (extra report)',
+        help='write an HTML report with plots and the worst frames; also runs the methods at '
+        'other clearances (needs the extra "report")',
     )
-    group.add_argument('--force', action='store_true', help='replace files that exist')
+    group.add_argument('--force', action='store_true', help='replace existing files')
     group.add_argument(
         '--repeat',
         metavar='N',
         type=positive_int,
         default=3,
-        help='calls of each method on each frame, of which the median time counts; fewer where '
-        'they take seconds (default: 3)',
+        help='runs of each method on each frame, for the median time; slow methods run fewer '
+        'times (default: 3)',
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Evaluate the bags, and print the tables."""
+    """Evaluate the bags and print the tables."""
     from rover_obstacle_detection.evaluation.runner import RunOptions
     from rover_obstacle_detection.offline.evaluate import evaluate_bags
     from rover_obstacle_detection.offline.output_file import write_json_whole, write_whole
 
-    config = detector_config(argparse.Namespace(**{**vars(arguments), 'method': None}))
+    config = detector_config(arguments)
     _check_outputs(arguments)
     options = RunOptions(
         methods=_methods(arguments.methods or ['hybrid'], config),
@@ -148,7 +146,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse before the work what would fail after it."""
+    """Check in advance that the outputs can be written."""
     from rover_obstacle_detection.offline.output_file import check_output_file
     from rover_obstacle_detection.report.extra import require_report_libraries
 
@@ -160,7 +158,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
 
 def _methods(asked: Sequence[str], config: DetectorConfig) -> Sequence[str]:
-    """Put ``all`` into names, without those whose library is missing."""
+    """Replace ``all`` by the methods whose libraries are installed."""
     from rover_obstacle_detection.errors import MissingExtraError
     from rover_obstacle_detection.evaluation.methods.registry import make_method
 
@@ -172,7 +170,7 @@ def _methods(asked: Sequence[str], config: DetectorConfig) -> Sequence[str]:
             make_method(name, config)
             installed.append(name)
         except MissingExtraError as error:
-            report_error(f'left out: {error}')
+            report_error(f'skipped: {error}')
     return installed
 
 

@@ -1,4 +1,4 @@
-"""The command ``rover-obstacles``: one subcommand a module, known errors in one line."""
+"""The command ``rover-obstacles``; each subcommand has its own module."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ INTERRUPTED = 130
 TERMINATED = 143
 
 DESCRIPTION = """\
-Find rocks, ledges, drops and slopes that stop a rover in rectified stereo images.
+Detect rocks, ledges, drops and steep slopes in stereo images of planetary terrain.
 """
 EPILOG = """\
-Each command has a help of its own: rover-obstacles replay --help
+For help on a command: rover-obstacles replay --help
 
-Exit status: 0 done, 1 an error that one line on stderr names, 2 a wrong call.
+Exit status: 0 success, 1 error (one line on stderr), 2 usage error.
 """
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Build the parser of every subcommand; imports nothing heavy."""
+    """Build the parser with all subcommands, without importing anything slow."""
     parser = argparse.ArgumentParser(
         prog='rover-obstacles',
         description=DESCRIPTION,
@@ -60,12 +60,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0 done, 1 a known error (named on stderr), 130 interrupted.
+        Exit status: 0 success, 1 known error (one line on stderr), 130 interrupted.
 
     Raises
     ------
     SystemExit
-        With status 2 on a wrong call, 0 after ``--help`` and ``--version``, 143 on SIGTERM.
+        Status 2 on a usage error, 0 after ``--help`` and ``--version``, 143 on SIGTERM.
     """
     parser = make_parser()
     arguments = parser.parse_args(argv)
@@ -73,13 +73,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         with _termination_unwinds(), warnings_on_stderr():
             return int(arguments.run(arguments))
     except argparse.ArgumentTypeError as error:
-        # Arguments that are each right by themselves, but not together.
+        # Arguments that are valid one by one but not together.
         parser.error(str(error))
     except ObstacleDetectionError as error:
         report_error(str(error))
         return FAILED
     except BrokenPipeError:
-        # Whoever read the table has gone; what was asked for is on the disk.
+        # The reader of stdout has closed the pipe. The results are already written.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
@@ -92,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @contextlib.contextmanager
 def _termination_unwinds() -> Iterator[None]:
-    """Let SIGTERM unwind the stack as Ctrl-C does, so that nothing half-written stays."""
+    """Let SIGTERM unwind the stack as Ctrl-C does, so that partial output is removed."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,19 +1,23 @@
-"""``rover-obstacles play``: a recording into the live ROS graph."""
+"""``rover-obstacles play``: publish a recording on the live ROS graph."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from rover_obstacle_detection.cli.arguments import positive_seconds, seconds
+from rover_obstacle_detection.cli.arguments import (
+    add_command,
+    add_ros_arguments,
+    non_negative_number,
+    positive_number,
+)
 
 DESCRIPTION = """\
-Publish a recording's topics into the live ROS graph: rosbag2 (mcap, sqlite3) or rosbag1, in the
-original timing, reliable, with the original stamps.
+Publish a recording on the live ROS graph, with its original timing and stamps and reliable QoS.
+Plays rosbag2 (mcap or sqlite3) and rosbag1.
 """
 EPILOG = """\
-Examples:
+examples:
   rover-obstacles play bags/mars_yard
   rover-obstacles play traverse.bag --rate 0.5 --loop --clock
   rover-obstacles play traverse --ros-args -r /front/left/image_rect:=/stereo/left/image_rect
@@ -21,29 +25,20 @@ Examples:
 CLOCK_HZ = 100.0
 
 
-def positive_number(text: str) -> float:
-    """Parse a rate: more than 0."""
-    try:
-        return positive_seconds(text)
-    except argparse.ArgumentTypeError as error:
-        msg = f'{text!r}: expected a number above 0'
-        raise argparse.ArgumentTypeError(msg) from error
-
-
-def add_parser(subparsers: Any) -> None:
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        'play',
-        help='a recording into the live ROS graph',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument('bag', metavar='BAG', type=Path, help='rosbag2 folder or file, or .bag')
+    summary = 'publish a recording on the live ROS graph'
+    parser = add_command(subparsers, 'play', summary, DESCRIPTION, EPILOG)
     parser.add_argument(
-        '--rate', type=positive_number, default=1.0, help='recorded seconds a second (default: 1)'
+        'bag',
+        metavar='BAG',
+        type=Path,
+        help='rosbag2 folder or file (.mcap, .db3), or rosbag1 file (.bag)',
     )
-    parser.add_argument('--loop', action='store_true', help='start again at the end')
+    parser.add_argument(
+        '--rate', type=positive_number, default=1.0, help='playback speed factor (default: 1)'
+    )
+    parser.add_argument('--loop', action='store_true', help='repeat until interrupted')
     parser.add_argument(
         '--clock',
         metavar='HZ',
@@ -51,34 +46,37 @@ def add_parser(subparsers: Any) -> None:
         nargs='?',
         const=CLOCK_HZ,
         default=0.0,
-        help=f'publish /clock, for nodes with use_sim_time (default: {CLOCK_HZ:g} Hz)',
+        help=f'publish /clock for nodes with use_sim_time, at {CLOCK_HZ:g} Hz unless HZ is given',
     )
     parser.add_argument(
-        '--start', metavar='S', type=seconds, default=0.0, help='leave out the first S seconds'
+        '--start',
+        metavar='SECONDS',
+        type=non_negative_number,
+        default=0.0,
+        help='seconds to skip at the beginning (default: 0)',
     )
     parser.add_argument(
-        '--duration', metavar='S', type=positive_seconds, help='play S recorded seconds'
+        '--duration',
+        metavar='SECONDS',
+        type=positive_number,
+        help='recorded seconds to play (default: to the end)',
     )
-    parser.add_argument('--topics', metavar='TOPIC', nargs='+', default=[], help='only these')
+    parser.add_argument(
+        '--topics', metavar='TOPIC', nargs='+', default=[], help='topics to play (default: all)'
+    )
     parser.add_argument(
         '--wait',
-        metavar='S',
-        type=seconds,
+        metavar='SECONDS',
+        type=non_negative_number,
         default=5.0,
-        help='wait for a first subscriber, S seconds at most (default: 5)',
+        help='seconds to wait for the first subscriber, at most (default: 5)',
     )
-    parser.add_argument(
-        '--ros-args',
-        nargs=argparse.REMAINDER,
-        default=[],
-        metavar='...',
-        help='all that follows goes to ROS 2: -r FROM:=TO, ...',
-    )
+    add_ros_arguments(parser, '-r FROM:=TO')
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Play until the end or a signal."""
+    """Play until the end or until interrupted."""
     from rover_obstacle_detection.node.player import PlayOptions, play
 
     options = PlayOptions(

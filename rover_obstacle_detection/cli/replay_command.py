@@ -1,4 +1,4 @@
-"""``rover-obstacles replay``: recorded bags in, obstacles out."""
+"""``rover-obstacles replay``: detect obstacles in recorded bags."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rover_obstacle_detection.cli.arguments import (
+    add_command,
     add_detector_arguments,
+    add_output_arguments,
     add_recording_arguments,
     calibration_files,
     detector_config,
+    non_negative_number,
     positive_int,
-    positive_seconds,
-    seconds,
+    positive_number,
 )
 from rover_obstacle_detection.cli.console import progress_bars, report_error
 
@@ -22,14 +24,14 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.offline.replay import ReplayOptions
 
 DESCRIPTION = """\
-Run the detector over recorded bags (rosbag2 in mcap or sqlite3, rosbag1).
+Detect obstacles in recorded bags: rosbag2 (mcap or sqlite3) or rosbag1.
 
-Writes into DIR (with several bags into DIR/<name of the bag>):
-  detections     a rosbag2 bag (mcap): obstacle_mask, obstacle_points, ground_points in the
-                 camera's namespace, with the left images' stamps and frames
-  summary.json   counts, parameters, versions, and each frame's figures and times
-  images         with --images, per frame: the overlay, and disparity, regions, seed regions,
-                 rough-step map and obstacle map
+Writes to DIR, or to DIR/<name of the bag> if there are several bags:
+  detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points and ground_points in the
+                 camera's namespace, with the stamps and frames of the left images
+  summary.json   counts, parameters, versions, and the figures and times of each frame
+  images         with --images: overlay, disparity, regions, seed regions, roughness and step,
+                 and obstacle map of each frame
 """
 EPILOG = """\
 examples:
@@ -43,13 +45,8 @@ examples:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        'replay',
-        help='run the detector over recorded bags',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    summary = 'detect obstacles in recorded bags'
+    parser = add_command(subparsers, 'replay', summary, DESCRIPTION, EPILOG)
     parser.add_argument(
         'bags',
         nargs='+',
@@ -59,23 +56,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     _add_input_arguments(parser)
     add_detector_arguments(parser)
-    output = parser.add_argument_group('output')
-    output.add_argument(
-        '-o', '--output', metavar='DIR', type=Path, required=True, help='folder for the results'
-    )
+    output = add_output_arguments(parser)
     output.add_argument('--images', action='store_true', help='write pictures of every frame')
-    output.add_argument(
-        '--force',
-        action='store_true',
-        help='write into a folder that exists: files of an earlier run are replaced, all others '
-        'are left as they are',
-    )
     output.add_argument(
         '--workers',
         metavar='N',
         type=positive_int,
         default=1,
-        help='processes to share several bags out among (default: 1)',
+        help='number of bags to process in parallel (default: 1)',
     )
     parser.set_defaults(run=run)
 
@@ -86,24 +74,31 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         '--approximate-sync',
         metavar='SECONDS',
-        type=positive_seconds,
-        help='pair images whose stamps differ by up to this (default: equal stamps only)',
+        type=positive_number,
+        help='largest stamp difference of a pair (default: stamps must be equal)',
     )
     group.add_argument(
-        '--start', metavar='SECONDS', type=seconds, default=0.0, help='skip the beginning'
+        '--start',
+        metavar='SECONDS',
+        type=non_negative_number,
+        default=0.0,
+        help='seconds to skip at the beginning (default: 0)',
     )
     group.add_argument(
-        '--duration', metavar='SECONDS', type=positive_seconds, help='stop after this much'
+        '--duration',
+        metavar='SECONDS',
+        type=positive_number,
+        help='seconds to replay (default: to the end)',
     )
     group.add_argument(
         '--salvage',
         action='store_true',
-        help='replay a damaged bag as far as it can be read (default: refuse it)',
+        help='replay the readable part of a damaged bag (default: refuse the bag)',
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay the bags, and print the table."""
+    """Replay the bags and print a table of the results."""
     from rich.console import Console
 
     from rover_obstacle_detection.offline.output_folder import (
@@ -133,7 +128,7 @@ def run(arguments: argparse.Namespace) -> int:
         console = Console(highlight=False)
         console.print(replay_table([summaries[index] for index in sorted(summaries)]))
         for index in sorted(summaries):
-            _print_places(jobs[index].output, arguments.images)
+            _print_paths(jobs[index].output, arguments.images)
     return 0 if len(summaries) == len(jobs) else 1
 
 
@@ -158,7 +153,7 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
     )
 
 
-def _print_places(output: Path, images: bool) -> None:
+def _print_paths(output: Path, images: bool) -> None:
     print(f'detections: {output / "detections"}')
     print(f'summary: {output / "summary.json"}')
     if images:

@@ -1,54 +1,47 @@
-"""``rover-obstacles run``: the live node."""
+"""``rover-obstacles run``: run the live node."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+
+from rover_obstacle_detection.cli.arguments import add_command, add_ros_arguments
 
 DESCRIPTION = """\
-Run the ROS 2 node obstacle_detector: left/image_rect, right/image_rect and both camera_info in,
-obstacle_mask, obstacle_points, ground_points and more out. Ends with Ctrl-C.
+Run the ROS 2 node obstacle_detector until interrupted with Ctrl-C.
+
+Subscribes to left/image_rect, right/image_rect, left/camera_info and right/camera_info.
+Publishes obstacle_mask, obstacle_points, ground_points and more; see docs/node.md.
 """
 EPILOG = """\
-Examples:
+examples:
   rover-obstacles run --namespace stereo
   rover-obstacles run --params obstacle_detector.yaml --ros-args -p max_step:=0.15
 """
 
 
-def add_parser(subparsers: Any) -> None:
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        'run',
-        help='the live ROS 2 node',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = add_command(subparsers, 'run', 'run the live ROS 2 node', DESCRIPTION, EPILOG)
     parser.add_argument('--params', metavar='YAML', type=Path, help='ROS parameter file')
     parser.add_argument(
-        '--namespace', metavar='NAME', help='namespace of the node and its topics, such as stereo'
+        '--namespace',
+        metavar='NAME',
+        help='namespace of the node and its topics, such as stereo',
     )
-    parser.add_argument(
-        '--ros-args',
-        nargs=argparse.REMAINDER,
-        default=[],
-        metavar='...',
-        help='all that follows goes to ROS 2: -p NAME:=VALUE, -r FROM:=TO, ...',
-    )
+    add_ros_arguments(parser, '-p NAME:=VALUE, -r FROM:=TO')
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run until a signal comes."""
+    """Run the node until interrupted."""
     from rover_obstacle_detection.node.main import run_node
 
     return run_node(ros_arguments(arguments))
 
 
 def ros_arguments(arguments: argparse.Namespace) -> list[str]:
-    """Write the options the way ROS 2 takes them."""
+    """Convert the options to ROS 2 arguments."""
     given = []
     if arguments.params is not None:
         given += ['--params-file', str(arguments.params)]

@@ -15,7 +15,7 @@ from rover_obstacle_detection.cli.arguments import (
     calibration_files,
     detector_config,
     positive_int,
-    positive_seconds,
+    positive_number,
 )
 from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
 from rover_obstacle_detection.errors import ConfigurationError
@@ -149,7 +149,7 @@ def _add_search_arguments(parser: argparse.ArgumentParser) -> None:
         help='parameter sets to try, including the initial one (default: 60)',
     )
     group.add_argument(
-        '--seconds', metavar='SECONDS', type=positive_seconds, help='start no trial after this'
+        '--seconds', metavar='SECONDS', type=positive_number, help='start no trial after this'
     )
     group.add_argument(
         '--seed',

@@ -41,16 +41,17 @@ def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
 
 def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
     """Tabulate obstacles from near to far."""
-    table = Table(title=f'{len(obstacles)} obstacles', title_justify='left')
+    # Headers on two lines and no outer frame: fits a terminal of 80 columns.
+    table = Table(title=f'{len(obstacles)} obstacles', title_justify='left', show_edge=False)
     for name in (
         '#',
-        'range m',
-        'height m',
-        'width m',
-        'depth m',
+        'range\nm',
+        'height\nm',
+        'width\nm',
+        'depth\nm',
         'confidence',
         'pixels',
-        'box x y w h',
+        'box\nx y w h',
     ):
         table.add_column(name, justify='right')
     nearest_first = sorted(

@@ -1,4 +1,4 @@
-"""``rover-obstacles evaluate`` from the command line."""
+"""The command ``rover-obstacles evaluate``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAMPLE_BAG = Path(__file__).parents[2] / 'bags' / 'mars_yard'
 
 @pytest.fixture
 def bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A labelled recording, and methods that flag the upper half of its rock."""
+    """A labelled recording, with every method replaced to flag the upper half of its rock."""
     mask = np.zeros(SHAPE, np.uint8)
     mask[4:12, 2:18] = 255
     for name in METHOD_DESCRIPTIONS:
@@ -32,14 +32,14 @@ def evaluate(*arguments: object) -> int:
     return main(['evaluate', *map(str, arguments)])
 
 
-def test_the_table_has_the_figures(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_shows_the_figures(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert evaluate(bag) == 0
     lines = capsys.readouterr().out.splitlines()
     rows = [line.split() for line in lines if line.startswith('hybrid ')]
     assert rows[-1][:6] == ['hybrid', '0.500', '1.000', '0.500', '0.667', '2/2']
 
 
-def test_the_json_has_every_frame(bag: Path, tmp_path: Path) -> None:
+def test_the_json_file_has_every_frame(bag: Path, tmp_path: Path) -> None:
     file = tmp_path / 'figures.json'
     assert evaluate(bag, '--method', 'hybrid', '--method', 'wang', '--json', file) == 0
     content = json.loads(file.read_text(encoding='utf-8'))
@@ -56,7 +56,7 @@ def test_the_json_has_every_frame(bag: Path, tmp_path: Path) -> None:
     assert content['parameters']['max_step'] == 0.1
 
 
-def test_the_report_holds_tables_plots_and_pictures(bag: Path, tmp_path: Path) -> None:
+def test_the_report_has_plots_and_pictures(bag: Path, tmp_path: Path) -> None:
     pytest.importorskip('jinja2', reason='needs the extra report')
     pytest.importorskip('matplotlib', reason='needs the extra report')
     file = tmp_path / 'report.html'
@@ -69,7 +69,7 @@ def test_the_report_holds_tables_plots_and_pictures(bag: Path, tmp_path: Path) -
     assert 'http' not in html
 
 
-def test_all_methods_that_are_installed(
+def test_all_runs_the_installed_methods(
     bag: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from rover_obstacle_detection.evaluation.methods.peers import Cloth
@@ -81,10 +81,10 @@ def test_all_methods_that_are_installed(
     rows = {line.split()[0] for line in shown.out.splitlines() if '0.667' in line}
     assert set(METHOD_DESCRIPTIONS) - {'cloth'} <= rows
     assert 'cloth' not in rows
-    assert 'left out: method cloth needs cloth-simulation-filter' in shown.err
+    assert 'skipped: method cloth needs cloth-simulation-filter' in shown.err
 
 
-def test_a_method_without_its_library_is_one_line(
+def test_a_missing_library_of_a_method_is_an_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, 'pypatchworkpp', None)
@@ -95,7 +95,7 @@ def test_a_method_without_its_library_is_one_line(
     assert "pip install 'rover_obstacle_detection[peers]'" in error
 
 
-def test_a_report_without_its_library_is_refused_before_the_work(
+def test_a_missing_library_of_the_report_is_an_error_in_advance(
     bag: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -108,7 +108,7 @@ def test_a_report_without_its_library_is_refused_before_the_work(
     assert 'rover_obstacle_detection[report]' in shown.err
 
 
-def test_files_that_exist_are_kept_unless_forced(
+def test_existing_files_need_force(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / 'figures.json'
@@ -120,7 +120,7 @@ def test_files_that_exist_are_kept_unless_forced(
     assert json.loads(file.read_text(encoding='utf-8'))
 
 
-def test_a_file_in_a_folder_that_is_not_there_is_refused_first(
+def test_a_file_in_a_missing_folder_is_an_error_in_advance(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert evaluate(bag, '--json', tmp_path / 'nowhere' / 'figures.json') == 1
@@ -129,7 +129,7 @@ def test_a_file_in_a_folder_that_is_not_there_is_refused_first(
     assert 'nowhere' in shown.err
 
 
-def test_a_recording_without_labels_is_named_and_the_other_evaluated(
+def test_a_recording_without_labels_is_reported_and_others_evaluated(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = write_ros2(tmp_path / 'unlabelled', stereo_messages(1))
@@ -139,21 +139,21 @@ def test_a_recording_without_labels_is_named_and_the_other_evaluated(
     assert 'unlabelled: no topic truth/labels' in shown.err
 
 
-def test_a_condition_that_is_given(bag: Path, tmp_path: Path) -> None:
+def test_conditions_can_be_given(bag: Path, tmp_path: Path) -> None:
     file = tmp_path / 'figures.json'
     assert evaluate(bag, '--condition', 'dusk', '--condition', 'dust', '--json', file) == 0
     content = json.loads(file.read_text(encoding='utf-8'))
     assert list(content['methods']['hybrid']['conditions']) == ['dusk', 'dust']
 
 
-def test_an_unknown_method_is_a_wrong_call(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_method_is_a_usage_error(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         evaluate(bag, '--method', 'magic')
     assert ended.value.code == 2
     assert 'magic' in capsys.readouterr().err
 
 
-def test_the_sample_bag_with_the_real_detector(tmp_path: Path) -> None:
+def test_the_real_detector_on_the_sample_bag(tmp_path: Path) -> None:
     file = tmp_path / 'figures.json'
     arguments = ('--method', 'hybrid', '--method', 'depth_only', '--json', file, '--every', '2')
     assert evaluate(SAMPLE_BAG, *arguments) == 0

@@ -9,7 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hand_made import CAMERA, FIRST_STAMP_NS, stereo_images, write_stereo_bag
+from hand_made import (
+    CAMERA,
+    FIRST_STAMP_NS,
+    stereo_images,
+    write_calibration,
+    write_stereo_bag,
+)
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
@@ -71,7 +77,7 @@ def test_the_table_shows_counts_obstacles_and_times(replayed):
     assert done.stderr == ''
 
 
-def test_the_summary_tells_what_went_in_and_what_came_out(replayed, bag):
+def test_the_summary_records_inputs_and_results(replayed, bag):
     summary = _summary(replayed[1])
     assert summary['bag'] == str(bag)
     assert summary['counts'] == {
@@ -116,7 +122,7 @@ def test_every_key_of_the_summary_is_documented(replayed):
         assert f'`{key}`' in documentation, key
 
 
-def test_mask_and_clouds_have_the_left_images_stamps_and_frames(replayed):
+def test_mask_and_clouds_have_the_stamp_and_frame_of_the_left_image(replayed):
     seen = {}
     for topic, time_ns, message in _detections(replayed[1]):
         header = message.header
@@ -129,7 +135,7 @@ def test_mask_and_clouds_have_the_left_images_stamps_and_frames(replayed):
     assert seen == {f'/cam/{name}': expected for name in names}
 
 
-def test_mask_and_clouds_agree_pixel_for_point(replayed):
+def test_every_masked_pixel_with_depth_has_a_point(replayed):
     messages = {topic: message for topic, _, message in _detections(replayed[1])}
     mask = decode_image(messages['/cam/obstacle_mask'], 'mask')
     assert mask.shape == CAMERA.shape
@@ -178,7 +184,7 @@ def test_each_frame_has_its_pictures(replayed):
     assert np.median(redness[outside]) == 0
 
 
-def test_a_part_of_the_recording(bag, tmp_path, capsys):
+def test_a_part_of_the_recording_can_be_replayed(bag, tmp_path, capsys):
     arguments = ['--start', '0.05', '--duration', '0.1']
     assert main(['replay', str(bag), '-o', str(tmp_path / 'part'), *arguments]) == 0
     frames = _summary(tmp_path / 'part')['frames']
@@ -193,7 +199,7 @@ def test_a_part_of_the_recording(bag, tmp_path, capsys):
     assert '2 processed' in capsys.readouterr().out
 
 
-def test_parameters_come_from_the_file_then_from_set_then_from_method(bag, tmp_path):
+def test_set_and_method_override_the_parameter_file(bag, tmp_path):
     file = tmp_path / 'parameters.yaml'
     file.write_text('/**:\n  ros__parameters:\n    max_step: 0.2\n    max_slope: 15.0\n')
     arguments = ['--params', str(file), '--set', 'max_slope=25', '--method', 'study']
@@ -206,7 +212,7 @@ def test_parameters_come_from_the_file_then_from_set_then_from_method(bag, tmp_p
     assert parameters['method'] == 'study'
 
 
-def test_the_rover_itself_is_no_obstacle(bag, tmp_path):
+def test_the_rover_itself_is_not_an_obstacle(bag, tmp_path):
     polygon = '[[0,0],[319,0],[319,239],[0,239]]'
     arguments = ['-o', str(tmp_path / 'out'), '--rover-polygon', polygon, '--duration', '0.05']
     assert main(['replay', str(bag), *arguments]) == 0
@@ -216,7 +222,7 @@ def test_the_rover_itself_is_no_obstacle(bag, tmp_path):
     assert frame['unknown_share'] == 1.0
 
 
-def test_stamps_that_nearly_match_are_paired_on_request(tmp_path, capsys):
+def test_approximate_sync_pairs_different_stamps(tmp_path, capsys):
     bag = write_stereo_bag(tmp_path / 'late', pairs=2, right_delay_ns=3_400_000)
     assert main(['replay', str(bag), '-o', str(tmp_path / 'out')]) == 1
     error = capsys.readouterr().err
@@ -230,7 +236,7 @@ def test_stamps_that_nearly_match_are_paired_on_request(tmp_path, capsys):
     assert _summary(tmp_path / 'out')['counts']['smallest_gap_s'] == pytest.approx(0.0034)
 
 
-def test_a_bad_frame_is_counted_named_and_skipped(tmp_path, capsys):
+def test_a_bad_frame_is_reported_and_skipped(tmp_path, capsys):
     def spoil(index, side, message):
         if (index, side) == (1, 'right'):
             message.data = message.data[:-100]
@@ -247,9 +253,7 @@ def test_a_bad_frame_is_counted_named_and_skipped(tmp_path, capsys):
     assert '/cam/right/image_rect: data has' in shown
 
 
-def test_given_topics_and_calibration_files(tmp_path):
-    from hand_made import write_calibration
-
+def test_topics_and_calibration_files_can_be_given(tmp_path):
     bag = write_stereo_bag(tmp_path / 'bare', pairs=1, infos=False)
     left, right = write_calibration(tmp_path)
     arguments = ['--left-topic', '/cam/left/image_rect', '--right-topic', '/cam/right/image_rect']
@@ -258,7 +262,7 @@ def test_given_topics_and_calibration_files(tmp_path):
     assert _summary(tmp_path / 'out')['counts']['detected'] == 1
 
 
-def test_an_existing_output_is_kept_unless_forced(bag, tmp_path, capsys):
+def test_existing_output_needs_force(bag, tmp_path, capsys):
     output = tmp_path / 'out'
     arguments = ['replay', str(bag), '-o', str(output), '--duration', '0.05']
     assert main([*arguments, '--images']) == 0
@@ -275,9 +279,7 @@ def test_an_existing_output_is_kept_unless_forced(bag, tmp_path, capsys):
     assert sorted(path.name for path in tmp_path.iterdir()) == ['out']
 
 
-def test_workers_share_several_bags_and_one_bad_bag_does_not_hold_up_the_others(
-    bag, tmp_path, capsys
-):
+def test_workers_replay_several_bags_although_one_fails(bag, tmp_path, capsys):
     other = tmp_path / 'other' / bag.name
     shutil.copytree(bag, other)
     broken = tmp_path / 'broken.mcap'
@@ -301,7 +303,7 @@ def test_workers_share_several_bags_and_one_bad_bag_does_not_hold_up_the_others(
     assert captured.out.count('drive') >= 4
 
 
-def test_one_worker_takes_the_bags_one_after_another(bag, tmp_path):
+def test_one_worker_replays_several_bags(bag, tmp_path):
     output = tmp_path / 'out'
     arguments = [str(bag), str(bag), '-o', str(output), '--duration', '0.05']
     assert main(['replay', *arguments]) == 0
@@ -317,9 +319,7 @@ def test_one_worker_takes_the_bags_one_after_another(bag, tmp_path):
         (signal.SIGTERM, 143, '2'),
     ],
 )
-def test_nothing_half_written_stays_after_an_interrupt(
-    long_bag, tmp_path, number, status, workers
-):
+def test_an_interrupt_leaves_no_partial_output(long_bag, tmp_path, number, status, workers):
     bags = [str(long_bag)] * int(workers)
     arguments = [*bags, '-o', str(tmp_path / 'out'), '--images', '--workers', workers]
     process = subprocess.Popen([*COMMAND, *arguments], stderr=subprocess.PIPE, text=True)

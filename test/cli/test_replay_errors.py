@@ -1,4 +1,4 @@
-"""Bad input to replay: one line that names it, status 1, nothing written."""
+"""Bad input to ``replay``: one line on stderr, exit status 1, nothing written."""
 
 import json
 import re
@@ -126,11 +126,11 @@ def _broken_jpeg(path):
         (_with_images(step=100), r'/cam/left/image_rect: step is 100'),
         (_with_images(height=999), r'/cam/left/image_rect: data has 76800 bytes'),
         (_with_images(encoding='yuv999'), r"/cam/left/image_rect: encoding is 'yuv999'"),
-        (_swapped, r'no pair can be used: 2 left images .*are left and right swapped'),
+        (_swapped, r'no usable pair: 2 left images .*are left and right swapped'),
         (_broken_jpeg, r'/cam/left/image_rect: data is'),
     ],
 )
-def test_bad_input(make, complaint, tmp_path, capsys):
+def test_bad_recordings(make, complaint, tmp_path, capsys):
     (tmp_path / 'bags').mkdir()
     bag = make(tmp_path / 'bags' / 'recording')
     capsys.readouterr()
@@ -166,7 +166,7 @@ def test_bad_options(options, complaint, tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ['recording']
 
 
-def test_a_damaged_bag_is_replayed_on_request(tmp_path, capsys):
+def test_salvage_replays_a_damaged_bag(tmp_path, capsys):
     whole = write_stereo_bag(tmp_path / 'recording', pairs=12)
     file = whole / 'recording.mcap'
     damaged = tmp_path / 'damaged.mcap'

@@ -228,7 +228,7 @@ def test_existing_file_is_kept_without_force(
         (('--missed-weight', '-1'), '0 or more'),
         (('--false-alarm-weight', 'nan'), '0 or more'),
         (('--seed', '1.5'), 'a whole number'),
-        (('--seconds', '0'), 'more than 0'),
+        (('--seconds', '0'), 'above 0'),
         ((), '--output'),
     ],
 )
