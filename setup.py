@@ -4,7 +4,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 package_name = 'rover_obstacle_detection'
-# `colcon build --symlink-install` runs a link to this file in a folder without the README.
+# `colcon build --symlink-install` runs a symlink to this file from a directory without README.
 readme = Path(__file__).resolve().with_name('README.md')
 
 setup(
@@ -26,7 +26,7 @@ setup(
             f'share/{package_name}/config',
             [*glob('config/*'), f'{package_name}/node/fastdds_profile.xml'],
         ),
-        # With plain pip the scripts land in bin/, where `ros2 run` does not look.
+        # pip installs console scripts in bin/; `ros2 run` searches lib/<package>.
         (f'lib/{package_name}', ['resource/obstacle_detector']),
     ],
     python_requires='>=3.10',
@@ -53,7 +53,7 @@ setup(
         'test': [
             'hypothesis>=6',
             'mcap-ros2-support>=0.5.3',
-            # These find something new to say with every minor release.
+            # Pinned, because new minor releases add checks.
             'mypy==2.4.*',
             'pytest>=8',
             'ruff==0.17.*',

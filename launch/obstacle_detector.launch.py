@@ -1,4 +1,4 @@
-"""The node, and on request a recorded bag to feed it and RViz to look at it.
+"""Start the node, and optionally play a bag and open RViz.
 
 ros2 launch rover_obstacle_detection obstacle_detector.launch.py namespace:=stereo
 ros2 launch rover_obstacle_detection obstacle_detector.launch.py bag:=traverse.mcap rviz:=true
@@ -33,13 +33,15 @@ TOPICS = {
 
 
 def generate_launch_description():
-    """Declare the arguments and what is started."""
+    """Return the arguments and processes."""
     config = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config'])
     use_sim_time = LaunchConfiguration('use_sim_time')
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                'namespace', default_value='stereo', description='Namespace of node and topics.'
+                'namespace',
+                default_value='stereo',
+                description='Namespace of node and topics.',
             ),
             DeclareLaunchArgument(
                 'params_file',
@@ -48,7 +50,7 @@ def generate_launch_description():
             ),
             *(
                 DeclareLaunchArgument(
-                    argument, default_value=topic, description=f'Topic in place of {topic}.'
+                    argument, default_value=topic, description=f'Topic remapped to {topic}.'
                 )
                 for argument, topic in TOPICS.items()
             ),
@@ -58,11 +60,11 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'profile',
                 default_value='',
-                description='Fast DDS profile; the shipped one for large messages if empty, '
-                'unless your environment names one.',
+                description='Fast DDS profile. Empty: the one in your environment, else the '
+                'shipped one for large messages.',
             ),
-            DeclareLaunchArgument('bag', default_value='', description='Recorded bag to play.'),
-            DeclareLaunchArgument('rate', default_value='1.0', description='Rate to play it at.'),
+            DeclareLaunchArgument('bag', default_value='', description='Bag to play.'),
+            DeclareLaunchArgument('rate', default_value='1.0', description='Playback rate.'),
             DeclareLaunchArgument('rviz', default_value='false', description='Start RViz.'),
             OpaqueFunction(function=_set_profile),
             Node(
@@ -91,7 +93,7 @@ def generate_launch_description():
 
 
 def _set_profile(context):
-    """Give every process of this launch the same transport."""
+    """Set the same transport for every process of this launch."""
     own = LaunchConfiguration('profile').perform(context)
     environment = dict(os.environ)
     if own:
@@ -110,7 +112,7 @@ def _set_profile(context):
 
 
 def _play(context):
-    """Play the bag, if one is given; with /clock where the node follows it."""
+    """Play the bag, if one is given; publish /clock under use_sim_time."""
     bag = LaunchConfiguration('bag').perform(context)
     if not bag:
         return []

@@ -155,7 +155,7 @@ def _judge_detection(state: NodeState) -> tuple[int, str]:
     if not state.subscribed:
         return OK, IDLE
     if counts.pair_rate_hz > 0 and counts.detection_rate_hz == 0:
-        return ERROR, 'pairs arrive, but none is usable'
+        return ERROR, 'pairs arrive, none can be used'
     if state.gravity_problem:
         return WARN, state.gravity_problem
     if valid_share is not None and valid_share < MIN_VALID_SHARE:

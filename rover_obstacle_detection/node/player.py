@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -57,8 +57,7 @@ def play(
     path: Path,
     options: PlayOptions,
     ros_arguments: Sequence[str] = (),
-    say: Callable[[str], object] = print,
-) -> int:
+) -> None:
     """Play a recording until its end, Ctrl-C or SIGTERM.
 
     Parameters
@@ -67,13 +66,6 @@ def play(
     options : PlayOptions
     ros_arguments : sequence of str, optional
         Without ``--ros-args``.
-    say : callable, optional
-        Prints a line for the user.
-
-    Returns
-    -------
-    int
-        Number of messages published.
 
     Raises
     ------
@@ -88,13 +80,12 @@ def play(
         try:
             with ros(ros_arguments) as warning:
                 if warning is not None:
-                    say(warning)
-                player = Player(bag, topics, options, stop, say)
+                    print(warning)
+                player = Player(bag, topics, options, stop)
                 try:
                     player.play()
                 finally:
                     player.close()
-                return player.published
         finally:
             stop.ignore()
 
@@ -108,8 +99,6 @@ class Player:
     topics : sequence of str
     options : PlayOptions
     stop : StopSignals
-    say : callable
-        Prints a line for the user.
     """
 
     def __init__(
@@ -118,16 +107,14 @@ class Player:
         topics: Sequence[str],
         options: PlayOptions,
         stop: StopSignals,
-        say: Callable[[str], object],
     ) -> None:
         import rclpy
 
         self._bag = bag
         self._options = options
         self._stop = stop
-        self._say = say
-        self.published = 0
-        self.bad = 0
+        self._published = 0
+        self._bad = 0
         self._node = rclpy.create_node('rover_obstacles_player')
         self._publishers = {
             topic: publisher for topic in topics if (publisher := self._publisher(topic))
@@ -143,15 +130,15 @@ class Player:
         if not self._wait_for_subscribers():
             return
         seconds = max(self._end_ns - self._start_ns, 0) / 1e9
-        self._say(
+        print(
             f'playing {self._bag.path}: {len(self._publishers)} topics, {seconds:.1f} s '
             f'at rate {self._options.rate:g}'
         )
         while self._play_round() and self._options.loop:
             pass
         self._finish()
-        line = f'{self.published} messages published'
-        self._say(f'{line}, {self.bad} skipped that cannot be decoded' if self.bad else line)
+        line = f'{self._published} messages published'
+        print(f'{line}, {self._bad} skipped that cannot be decoded' if self._bad else line)
 
     def close(self) -> None:
         """Remove the topics."""
@@ -166,7 +153,7 @@ class Player:
         try:
             message_class = message_type(type_name)
         except ImportError:
-            self._say(f'{topic}: skipped, {type_name} is not installed')
+            print(f'{topic}: skipped, {type_name} is not installed')
             return None
         qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
         if topic.endswith('tf_static'):
@@ -191,7 +178,7 @@ class Player:
                 return True
             if now_s - started_s >= self._options.wait_s:
                 if not any(counts) and self._options.wait_s:
-                    self._say('no subscriber to these topics yet')
+                    print('no subscriber to these topics yet')
                 return True
             if self._stop.wait(POLL_S):
                 return False
@@ -215,11 +202,11 @@ class Player:
             if self._wait_until(started_s + due_s):
                 return False
             if isinstance(data, BadMessage):
-                self.bad += 1
-                self._say(f'{topic}: {data.reason}')
+                self._bad += 1
+                print(f'{topic}: {data.reason}')
                 continue
             self._publishers[topic].publish(bytes(data))
-            self.published += 1
+            self._published += 1
         return not self._wait_until(started_s + timeline.due_s(self._end_ns))
 
     def _wait_until(self, moment_s: float) -> bool:

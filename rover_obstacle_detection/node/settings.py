@@ -44,8 +44,8 @@ NODE_PARAMETERS = (
         ParameterDescription(
             f'imu_{name}',
             0.0,
-            f'{name.capitalize()} of the IMU frame in the left optical frame, as in URDF rpy, '
-            'for gravity_source imu (deg).',
+            f'{name.capitalize()} (URDF rpy) of the IMU frame in the left optical frame, for '
+            'gravity_source imu (deg).',
             -180.0,
             180.0,
         )

@@ -86,7 +86,7 @@ def test_good_state_is_ok_with_all_values() -> None:
         ({'camera': None, 'calibration_problem': 'P is zero'}, 'calibration', ERROR, 'P is zero'),
         (counts(pair_rate_hz=0.0), 'stereo input', WARN, 'no images'),
         ({'pairing_problem': '9 left, 9 right'}, 'stereo input', WARN, '9 left, 9 right'),
-        (counts(detection_rate_hz=0.0), 'detection', ERROR, 'none is usable'),
+        (counts(detection_rate_hz=0.0), 'detection', ERROR, 'none can be used'),
         (figures(valid_share=0.12), 'detection', WARN, 'only 12%'),
         ({'gravity_problem': 'no IMU'}, 'detection', WARN, 'no IMU'),
         (figures(rows_off_px=1.2), 'calibration', WARN, 'rows off by 1.2 px'),
