@@ -1,4 +1,4 @@
-"""Make the picture of docs/simulation.md: the left image of every condition, rigs in turn.
+"""Render the picture of docs/simulation.md: the left image of every condition.
 
     python scripts/make_simulation_sheet.py docs/images/simulation.jpg
 
@@ -22,12 +22,12 @@ from rover_obstacle_detection.simulation.rigs import RIGS
 WIDTH, HEIGHT = 320, 240
 COLUMNS = 7
 SEED = 401
-# A camera that looks far does not see the ground fall away.
-STEEP = {'slope_down_26': 'study'}
+# The far-looking rigs cannot see this slope.
+RIG_OF_CONDITION = {'slope_down_26': 'study'}
 
 
 def tile(condition: str, rig: str) -> NDArray[np.uint8]:
-    """Render one condition, with its name in the corner."""
+    """Render one condition, captioned with its name."""
     scene = scene_of(condition, SEED, [condition], rig, {'width': WIDTH})
     left = next(render(scene)).left
     picture = cv2.cvtColor(left, cv2.COLOR_RGB2BGR if left.ndim == 3 else cv2.COLOR_GRAY2BGR)
@@ -46,13 +46,13 @@ def tile(condition: str, rig: str) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Render all conditions and write the sheet."""
+    """Render all conditions, cycling through the rigs, and write the picture."""
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('output', type=Path)
     output = parser.parse_args().output
     tiles = []
     for condition, rig in zip(PRESETS, itertools.cycle(RIGS), strict=False):
-        tiles.append(tile(condition, STEEP.get(condition, rig)))
+        tiles.append(tile(condition, RIG_OF_CONDITION.get(condition, rig)))
         print(condition, flush=True)
     while len(tiles) % COLUMNS:
         tiles.append(np.full((HEIGHT, WIDTH, 3), 255, np.uint8))

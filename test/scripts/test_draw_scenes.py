@@ -18,22 +18,22 @@ def scripts(monkeypatch):
 
 
 @pytest.mark.parametrize(('suite', 'prefix'), [('drawn', 'drawn'), ('training', 'train')])
-def test_the_suites_hold_what_the_script_draws(suite, prefix):
-    from draw_scenes import drawn_scene
+def test_script_reproduces_the_suites(suite, prefix):
+    from draw_scenes import random_scene
 
     scenes = [scene for scene in load_suite(suite) if scene.seed >= 2000]
     assert len(scenes) > 20
     for scene in scenes[::5]:
-        assert scene == scene_of(**drawn_scene(scene.seed, prefix))
+        assert scene == scene_of(**random_scene(scene.seed, prefix))
 
 
-def test_reported_scenes_share_no_seed_with_those_trained_on():
+def test_drawn_suite_shares_no_seed_with_other_suites():
     reported = {scene.seed for scene in load_suite('drawn')}
     for suite in ('training', 'standard', 'samples'):
         assert not reported & {scene.seed for scene in load_suite(suite)}
 
 
-def test_rigs_differ_from_those_that_have_a_name():
+def test_drawn_rigs_differ_from_the_named_rigs():
     for scene in load_suite('drawn'):
         rig, named = scene.rig_used(), RIGS[scene.rig]
         assert rig.baseline_m != named.baseline_m
@@ -41,7 +41,7 @@ def test_rigs_differ_from_those_that_have_a_name():
         assert 0.6 < rig.camera_height_m / named.camera_height_m < 1.5
 
 
-def test_lines_are_a_suite(monkeypatch, capsys, tmp_path):
+def test_printed_lines_form_a_suite(monkeypatch, capsys, tmp_path):
     import draw_scenes
 
     monkeypatch.setattr(sys, 'argv', ['x', '7', '3', '--prefix', 'mine'])
