@@ -1,4 +1,4 @@
-"""Write config/obstacle_detector.yaml anew, after a parameter has changed.
+"""Regenerate config/obstacle_detector.yaml after a parameter has changed.
 
 python scripts/make_parameter_file.py > config/obstacle_detector.yaml
 """
@@ -23,16 +23,16 @@ HEADER = """\
 /**:
   ros__parameters:
 """
-WIDTH = 110
+WIDTH = 110  # columns of the comments
 
 
 def main() -> None:
-    """Print it."""
+    """Print the parameter file."""
     print(parameter_file(), end='')
 
 
 def parameter_file() -> str:
-    """Return the file's text."""
+    """Return the text of the parameter file."""
     parts = [HEADER]
     for title, parameters in (
         ('The detector', DetectorConfig.parameters()),

@@ -1,10 +1,10 @@
-"""Make the labelled bag of ``bags/`` from three rendered scenes with exact truth.
+"""Create the labelled bag ``bags/mars_yard`` from three rendered scenes with exact ground truth.
 
     python scripts/make_sample_bag.py SAMPLES bags/mars_yard
 
-SAMPLES holds a folder for each scene: ``left.png``, ``right.png``, ``disparity_x256.png``,
-``labels.png``, ``instances.png`` and ``scene.json``. The same scenes give the same bytes, with the
-same versions of the libraries. The bag's README tells what is in it.
+SAMPLES has a folder for each scene with ``left.png``, ``right.png``, ``disparity_x256.png``,
+``labels.png``, ``instances.png`` and ``scene.json``. The output is byte-identical for the same
+scenes and library versions. ``bags/README.md`` describes the content.
 """
 
 from __future__ import annotations
@@ -31,13 +31,15 @@ FIRST_STAMP_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 1_000_000_000
 NAMESPACE = '/stereo'
 FRAMES = {'left': 'stereo_left_optical_frame', 'right': 'stereo_right_optical_frame'}
-NO_INSTANCE = 65535
-AMBIGUITY = 0.2
-GROUND_RING_PX = 25
+NO_INSTANCE = 65535  # pixels without a surface in instances.png
+DISPARITY_SCALE = 256  # of disparity_x256.png
+AMBIGUITY = 0.2  # of the clearance; rocks this close to it are not counted
+GROUND_RING_PX = 25  # ground used around a rock cut by the frame
+MIN_GROUND_PIXELS = 100  # for a plane through that ground
 
 
 class Scene(NamedTuple):
-    """One rendered pair and its truth, as the topics carry them."""
+    """One rendered pair and its ground truth, as published in the bag."""
 
     camera: StereoCamera
     left: NDArray[np.uint8]
@@ -48,7 +50,7 @@ class Scene(NamedTuple):
 
 
 def load_scene(folder: Path) -> Scene:
-    """Read a scene, and finish its labels."""
+    """Read a scene and compute its final labels."""
     facts = json.loads((folder / 'scene.json').read_text(encoding='utf-8'))
     camera = StereoCamera(
         width=facts['width'],
@@ -59,7 +61,8 @@ def load_scene(folder: Path) -> Scene:
         cy=facts['cy'],
         baseline_m=facts['baseline'],
     )
-    disparity = _read(folder / 'disparity_x256.png').astype(np.float32) / np.float32(256)
+    scaled = _read(folder / 'disparity_x256.png').astype(np.float32)
+    disparity = scaled / np.float32(DISPARITY_SCALE)
     points = reproject(disparity, camera)
     instances = _read(folder / 'instances.png')
     instances[instances == NO_INSTANCE] = 0
@@ -67,10 +70,10 @@ def load_scene(folder: Path) -> Scene:
     up = np.array((0.0, -math.cos(pitch), -math.sin(pitch)), np.float32)
     return Scene(
         camera=camera,
-        # Grey, since colour would make the bag three times as large.
+        # Colour would triple the size of the bag.
         left=_grey(_read(folder / 'left.png')),
         right=_grey(_read(folder / 'right.png')),
-        labels=finished_labels(
+        labels=final_labels(
             _read(folder / 'labels.png'),
             instances,
             points,
@@ -83,7 +86,7 @@ def load_scene(folder: Path) -> Scene:
     )
 
 
-def finished_labels(
+def final_labels(
     labels: NDArray[np.uint8],
     instances: NDArray[np.uint16],
     points: NDArray[np.float32],
@@ -91,24 +94,29 @@ def finished_labels(
     rock_height_m: NDArray[np.float64],
     clearance_m: float,
 ) -> NDArray[np.uint8]:
-    """Take out what is neither clearly an obstacle nor clearly free.
+    """Exclude rocks that are neither clearly obstacles nor clearly free.
 
-    Not counted are rocks within 20 % of the clearance, and rocks that the frame cuts whose visible
-    part stands no more than 1.2 times the clearance above the ground around it.
+    These are rocks within 20 % of the clearance, and taller rocks cut by the frame whose visible
+    part rises at most 1.2 times the clearance above the ground around it.
 
     Parameters
     ----------
     labels : ndarray of uint8, shape (height, width)
         0 free, 1 rock taller than the clearance, 2 slope, 3 drop, 255 no surface.
     instances : ndarray of uint16, shape (height, width)
-        0 ground, else the number of the rock.
+        0 ground, otherwise the number of the rock.
     points : ndarray of float32, shape (height, width, 3)
-        In the left optical frame, metres.
+        Metres in the left optical frame.
     up : ndarray of float32, shape (3,)
-        The vertical in the left optical frame.
+        Unit vector in the left optical frame.
     rock_height_m : ndarray of float64, shape (rocks + 1,)
-        By instance number.
+        Full height of each rock, by instance number.
     clearance_m : float
+
+    Returns
+    -------
+    ndarray of uint8, shape (height, width)
+        The labels, 255 where not counted.
     """
     limit_m = AMBIGUITY * clearance_m + 1e-9
     ambiguous = np.abs(rock_height_m - clearance_m) <= limit_m
@@ -119,7 +127,7 @@ def finished_labels(
             visible_height_m(instances, rock, points, up) > (1 + AMBIGUITY) * clearance_m
         ):
             ambiguous[rock] = True
-    # A slope or a drop stays an obstacle, whatever lies on it.
+    # Slopes and drops remain obstacles even below an ambiguous rock.
     of_a_rock = ambiguous[instances] & np.isin(labels, (FREE, ROCK))
     return np.where(of_a_rock, NOT_COUNTED, labels).astype(np.uint8)
 
@@ -130,16 +138,19 @@ def visible_height_m(
     points: NDArray[np.float32],
     up: NDArray[np.float32],
 ) -> float:
-    """Height of a rock's visible part above a plane through the ground around it, metres.
+    """Measure the height of a rock's visible part above a plane through the surrounding ground.
 
-    NaN if too little ground is in view around it.
+    Returns
+    -------
+    float
+        Metres; NaN if too little ground is visible.
     """
     visible = instances == rock
     size = 2 * GROUND_RING_PX + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     around = cv2.dilate(visible.astype(np.uint8), kernel) > 0
     ground = around & (instances == 0) & np.isfinite(points[..., 2])
-    if np.count_nonzero(ground) < 100:
+    if np.count_nonzero(ground) < MIN_GROUND_PIXELS:
         return math.nan
     elevation = points @ up
     forward = points - elevation[..., np.newaxis] * up
@@ -151,7 +162,7 @@ def visible_height_m(
 
 
 def write_bag(scenes: list[Scene], path: Path) -> None:
-    """Write the scenes as pairs at 1 Hz, each with its calibration and its truth."""
+    """Write the scenes as pairs at 1 Hz with calibration and ground truth."""
     with BagWriter(path) as bag:
         for index, scene in enumerate(scenes):
             stamp_ns = FIRST_STAMP_NS + index * PERIOD_NS
@@ -217,8 +228,7 @@ def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def _read(path: Path) -> NDArray[Any]:
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None:
-        msg = f'{path}: expected an image'
-        raise SystemExit(msg)
+        raise SystemExit(f'{path}: expected an image')
     return image
 
 

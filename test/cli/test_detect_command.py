@@ -1,5 +1,6 @@
 import json
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -57,6 +58,9 @@ def test_files_and_table_match_the_detection(files, capsys):
     assert listed['confidence'] == pytest.approx(largest.confidence)
     assert summary['camera']['fx'] == pytest.approx(CAMERA.fx)
     assert summary['stage_ms']
+    documentation = (Path(__file__).parents[2] / 'docs' / 'replay.md').read_text()
+    for key in [*summary, *listed]:
+        assert f'`{key}`' in documentation, key
 
     table = capsys.readouterr().out
     assert f'{len(detection.obstacles)} obstacles' in table

@@ -1,4 +1,4 @@
-"""The bag that comes with the project, and the script that makes it."""
+"""The labelled bag ``bags/mars_yard`` and the script that creates it."""
 
 import importlib.util
 import sys
@@ -43,7 +43,7 @@ def test_the_recordings_are_small():
     assert total < 12e6
 
 
-def test_three_labelled_pairs_of_a_stereo_camera(frames):
+def test_the_bag_has_three_labelled_pairs(frames):
     assert len(frames) == 3
     for frame in frames:
         assert set(frame.extras) == set(TRUTH)
@@ -52,7 +52,7 @@ def test_three_labelled_pairs_of_a_stereo_camera(frames):
         assert frame.camera.baseline_m == pytest.approx(0.06)
 
 
-def test_labels_follow_from_instances(frames):
+def test_labels_agree_with_instances(frames):
     for frame in frames:
         labels = decode_image(frame.extras['/truth/labels'], 'labels')
         instances = decode_image(frame.extras['/truth/instances'], 'instances')
@@ -60,12 +60,12 @@ def test_labels_follow_from_instances(frames):
         rocks = set(np.unique(instances[labels == 1]))
         assert rocks
         assert 0 not in rocks
-        # A rock is one or the other as a whole.
+        # Each rock is either labelled or excluded as a whole.
         assert not rocks & set(np.unique(instances[labels == 255]))
     assert {2, 3} <= set(np.unique(labels)), 'the crater has slopes and a drop'
 
 
-def test_the_true_depth_carries_the_left_image_onto_the_right(frames):
+def test_ground_truth_depth_aligns_the_two_images(frames):
     for frame in frames:
         depth = decode_float_image(frame.extras['/truth/depth'], 'depth')
         camera = frame.camera
@@ -79,7 +79,7 @@ def test_the_true_depth_carries_the_left_image_onto_the_right(frames):
             difference = seen[:, 100:].astype(float) - frame.left[:, 100:]
             return np.median(np.abs(difference))
 
-        # The vertex of a parabola through three errors: where the images fit best.
+        # The vertex of a parabola through three errors is the best alignment.
         before, here, after = error(-1), error(0), error(1)
         best = (before - after) / (2 * (before - 2 * here + after))
         assert best == pytest.approx(0, abs=0.1)
@@ -89,7 +89,7 @@ UP = np.array((0, -1, 0), np.float32)
 
 
 def _block_on_flat_ground(top_m):
-    """Look at ground 1 m below; a rock of 10 x 10 pixels in the middle, cut by nothing."""
+    """Return flat ground 1 m below the camera with a rock of 10 x 10 pixels in the middle."""
     points = np.zeros((80, 80, 3), np.float32)
     points[..., 0], points[..., 2] = np.meshgrid(np.linspace(-1, 1, 80), np.linspace(3, 1, 80))
     points[..., 1] = 1.0
@@ -100,7 +100,7 @@ def _block_on_flat_ground(top_m):
 
 
 @pytest.mark.parametrize('top_m', [0.05, 0.3])
-def test_visible_height_is_measured_from_the_ground_around(script, top_m):
+def test_visible_height_is_relative_to_the_surrounding_ground(script, top_m):
     instances, points = _block_on_flat_ground(top_m)
     measured_m = script.visible_height_m(instances, 1, points, UP)
     assert measured_m == pytest.approx(top_m, abs=1e-4)
@@ -112,29 +112,29 @@ def test_rocks_within_a_fifth_of_the_clearance_are_not_counted(script):
     heights_m = np.array([0, 0.07, 0.08, 0.10, 0.12, 0.13])
     labels = np.where(heights_m[instances] > 0.1, 1, 0).astype(np.uint8)
     points = np.ones((*instances.shape, 3), np.float32)
-    finished = script.finished_labels(labels, instances, points, UP, heights_m, 0.10)
-    assert finished[1, 1:-1].tolist() == [0, 0, 255, 255, 255, 1]
+    final = script.final_labels(labels, instances, points, UP, heights_m, 0.10)
+    assert final[1, 1:-1].tolist() == [0, 0, 255, 255, 255, 1]
 
 
-def test_an_ambiguous_rock_on_a_slope_stays_part_of_the_slope(script):
+def test_an_ambiguous_rock_on_a_slope_remains_slope(script):
     instances = np.pad(np.ones((1, 2), np.uint16), 1)
     labels = np.pad(np.array([[2, 0]], np.uint8), 1)
     points = np.ones((*instances.shape, 3), np.float32)
-    finished = script.finished_labels(labels, instances, points, UP, np.array([0, 0.1]), 0.10)
-    assert finished[1, 1:-1].tolist() == [2, 255]
+    final = script.final_labels(labels, instances, points, UP, np.array([0, 0.1]), 0.10)
+    assert final[1, 1:-1].tolist() == [2, 255]
 
 
 @pytest.mark.parametrize(('top_m', 'label'), [(0.05, 255), (0.115, 255), (0.13, 1)])
-def test_a_rock_cut_by_the_frame_counts_by_its_visible_part(script, top_m, label):
+def test_a_rock_cut_by_the_frame_is_judged_by_its_visible_part(script, top_m, label):
     instances, points = (each[:40] for each in _block_on_flat_ground(top_m))
     labels = instances.astype(np.uint8)
     heights_m = np.array([0, 0.3])
-    finished = script.finished_labels(labels, instances, points, UP, heights_m, 0.10)
-    assert set(finished[instances == 1]) == {label}
+    final = script.final_labels(labels, instances, points, UP, heights_m, 0.10)
+    assert set(final[instances == 1]) == {label}
 
 
-@pytest.mark.skipif(not SAMPLES.exists(), reason='the rendered scenes are not at hand')
-def test_the_script_makes_the_bag_again(script, frames, tmp_path):
+@pytest.mark.skipif(not SAMPLES.exists(), reason='needs the rendered scenes')
+def test_the_script_reproduces_the_bag(script, frames, tmp_path):
     scenes = [script.load_scene(SAMPLES / name) for name in script.SCENES]
     script.write_bag(scenes, tmp_path / 'mars_yard')
     for old, new in zip(frames, _frames(tmp_path / 'mars_yard'), strict=True):
