@@ -209,7 +209,7 @@ def _camera_info(camera: StereoCamera, side: str, header: Any, factory: Any) -> 
         distortion_model='plumb_bob',
         d=np.zeros(5),
         k=np.array((fx, 0, cx, 0, fy, cy, 0, 0, 1), np.float64),
-        r=np.eye(3).ravel(),
+        r=np.identity(3).ravel(),
         p=np.array((fx, 0, cx, shift, 0, fy, cy, 0, 0, 0, 1, 0), np.float64),
     )
 

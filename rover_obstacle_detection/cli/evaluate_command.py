@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Evaluate the bags and print the tables."""
     from rover_obstacle_detection.evaluation.runner import RunOptions
     from rover_obstacle_detection.offline.evaluate import evaluate_bags
-    from rover_obstacle_detection.offline.output_file import write_json_whole, write_whole
+    from rover_obstacle_detection.offline.output_file import atomic_write_json, atomic_write_text
 
     config = detector_config(arguments)
     _check_outputs(arguments)
@@ -135,12 +135,12 @@ def run(arguments: argparse.Namespace) -> int:
     if evaluation.scenes and arguments.json:
         from rover_obstacle_detection.offline.evaluation_json import evaluation_json
 
-        write_json_whole(arguments.json, evaluation_json(evaluation, config))
+        atomic_write_json(arguments.json, evaluation_json(evaluation, config))
         print(f'figures: {arguments.json}')
     if evaluation.scenes and arguments.report:
         from rover_obstacle_detection.offline.evaluation_report import evaluation_html
 
-        write_whole(arguments.report, evaluation_html(evaluation, config))
+        atomic_write_text(arguments.report, evaluation_html(evaluation, config))
         print(f'report: {arguments.report}')
     return 1 if errors else 0
 

@@ -210,9 +210,9 @@ def run(arguments: argparse.Namespace) -> int:
         If a bag or parameter file cannot be read, or an output file cannot be written.
     """
     from rover_obstacle_detection.offline.output_file import (
+        atomic_write_json,
+        atomic_write_text,
         check_output_file,
-        write_json_whole,
-        write_whole,
     )
     from rover_obstacle_detection.tuning.report import parameter_file, tuning_json
 
@@ -223,10 +223,10 @@ def run(arguments: argparse.Namespace) -> int:
             check_output_file(path, force=arguments.force)
     result = _result(arguments, start, options)
     _print_result(result, options)
-    write_whole(arguments.output, parameter_file(result, options))
+    atomic_write_text(arguments.output, parameter_file(result, options))
     print(f'parameters: {arguments.output}')
     if arguments.json:
-        write_json_whole(arguments.json, tuning_json(result, options))
+        atomic_write_json(arguments.json, tuning_json(result, options))
         print(f'trials and figures: {arguments.json}')
     return 0
 

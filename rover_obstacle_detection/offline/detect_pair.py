@@ -16,7 +16,7 @@ from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.image import decode_compressed_image
-from rover_obstacle_detection.offline.output_file import write_json_whole
+from rover_obstacle_detection.offline.output_file import atomic_write_json
 from rover_obstacle_detection.offline.output_folder import output_folder
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures, write_png
 from rover_obstacle_detection.offline.ply import write_ply
@@ -80,7 +80,7 @@ def detect_pair(
         write_png(folder / 'mask.png', detection.mask)
         write_ply(folder / 'points.ply', detection.obstacle_points, detection.ground_points)
         write_pictures(detection, left_image, folder)
-        write_json_whole(
+        atomic_write_json(
             folder / 'summary.json',
             {
                 **preamble('detect', config),

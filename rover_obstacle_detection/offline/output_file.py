@@ -27,7 +27,7 @@ def check_output_file(path: Path, *, force: bool) -> None:
         raise OutputError(f'{path} exists: give --force to replace it')
 
 
-def write_whole(path: Path, text: str) -> None:
+def atomic_write_text(path: Path, text: str) -> None:
     """Write text to a temporary file and rename it.
 
     Raises
@@ -46,8 +46,8 @@ def write_whole(path: Path, text: str) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def write_json_whole(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a JSON file as `write_whole` does.
+def atomic_write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON file as `atomic_write_text` does.
 
     Raises
     ------
@@ -56,4 +56,4 @@ def write_json_whole(path: Path, content: Mapping[str, Any]) -> None:
     ValueError
         If a number is not finite, which JSON cannot represent.
     """
-    write_whole(path, json.dumps(content, indent=2, allow_nan=False) + '\n')
+    atomic_write_text(path, json.dumps(content, indent=2, allow_nan=False) + '\n')

@@ -17,7 +17,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
-from rover_obstacle_detection.offline.output_file import write_json_whole
+from rover_obstacle_detection.offline.output_file import atomic_write_json
 from rover_obstacle_detection.offline.output_folder import output_folder
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures
 from rover_obstacle_detection.offline.stopwatch import Stopwatch
@@ -123,7 +123,7 @@ def replay_bag(
                     run.process(pair, writer)
                     on_progress(done, max(done, expected))
                 summary = run.summary(bag, pairs)
-            write_json_whole(folder / 'summary.json', summary.as_json())
+            atomic_write_json(folder / 'summary.json', summary.as_json())
     return summary
 
 

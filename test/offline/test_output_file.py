@@ -8,14 +8,14 @@ import pytest
 
 from rover_obstacle_detection.errors import OutputError
 from rover_obstacle_detection.offline.output_file import (
+    atomic_write_json,
+    atomic_write_text,
     check_output_file,
-    write_json_whole,
-    write_whole,
 )
 
 
 def test_writing_leaves_no_temporary_file(tmp_path: Path) -> None:
-    write_whole(tmp_path / 'a.yaml', 'x: 1\n')
+    atomic_write_text(tmp_path / 'a.yaml', 'x: 1\n')
     assert (tmp_path / 'a.yaml').read_text(encoding='utf-8') == 'x: 1\n'
     assert [each.name for each in tmp_path.iterdir()] == ['a.yaml']
 
@@ -31,7 +31,7 @@ def test_a_failure_keeps_the_existing_file(
 
     monkeypatch.setattr(Path, 'replace', full)
     with pytest.raises(OutputError, match=r'a\.yaml: No space left on device'):
-        write_whole(file, 'x' * 1000)
+        atomic_write_text(file, 'x' * 1000)
     assert file.read_text(encoding='utf-8') == 'mine'
     assert [each.name for each in tmp_path.iterdir()] == ['a.yaml']
 
@@ -40,14 +40,14 @@ def test_a_symbolic_link_is_followed(tmp_path: Path) -> None:
     file, link = tmp_path / 'a.yaml', tmp_path / 'link.yaml'
     file.write_text('old', encoding='utf-8')
     link.symlink_to(file)
-    write_whole(link, 'new')
+    atomic_write_text(link, 'new')
     assert link.is_symlink()
     assert file.read_text(encoding='utf-8') == 'new'
 
 
 def test_nan_is_an_error_and_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='nan'):
-        write_json_whole(tmp_path / 'a.json', {'iou': float('nan')})
+        atomic_write_json(tmp_path / 'a.json', {'iou': float('nan')})
     assert not list(tmp_path.iterdir())
 
 
