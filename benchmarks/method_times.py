@@ -1,11 +1,10 @@
-"""Time methods next to plain SGBM: on the same pair, in the same run.
+"""Measure the run time of methods relative to plain SGBM.
 
     python benchmarks/method_times.py bags/mars_yard --method hybrid --method study
 
-Plain SGBM is 3WAY, 64 disparities, block 5, P1 300, P2 1200, uniqueness 8, speckle 50. It and the
-methods take turns on each pair, so that what else the machine does weighs on all of them alike;
-each has one call to warm up. Shown are medians, and the median over the turns of a method's time
-over that of the SGBM call before it.
+Plain SGBM is 3WAY, 64 disparities, block 5, P1 300, P2 1200, uniqueness 8, speckle 50. SGBM and
+the methods take turns on each pair, so background load affects all equally. The first turn is a
+warm-up. The table shows median times and the median ratio to the SGBM call of the same turn.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('bags', nargs='+', type=Path, metavar='BAG')
     parser.add_argument('--method', action='append', choices=METHOD_DESCRIPTIONS, dest='methods')
-    parser.add_argument('--repeat', type=int, default=11, help='turns on each pair (default: 11)')
-    parser.add_argument('--every', type=int, default=1, help='take every N-th pair only')
+    parser.add_argument('--repeat', type=int, default=11, help='turns per pair (default: 11)')
+    parser.add_argument('--every', type=int, default=1, help='only every N-th pair (default: 1)')
     arguments = parser.parse_args()
     methods = {name: make_method(name) for name in arguments.methods or ['hybrid']}
     print(f'OpenCV {cv2.__version__}, {cv2.getNumThreads()} threads')
@@ -62,7 +61,7 @@ def pairs_of(path: Path, every: int) -> Sequence[tuple[str, StereoPair]]:
 def time_pair(
     methods: dict[str, Method], pair: StereoPair, repeat: int
 ) -> dict[str, tuple[float, float, float]]:
-    """Median seconds, of SGBM's too, and the median ratio of each method."""
+    """Median seconds, median SGBM seconds and median ratio of each method."""
     images = pair.camera, pair.left, pair.right
     seconds: dict[str, list[float]] = {name: [] for name in methods}
     plain: dict[str, list[float]] = {name: [] for name in methods}

@@ -1,13 +1,12 @@
-"""Fit the confidence of obstacles to labelled recordings, and show how far it can be trusted.
+"""Calibrate the confidence of obstacles on labelled bags, and print its reliability.
 
-    python scripts/calibrate_confidence.py BAG...            # fit, and print
-    python scripts/calibrate_confidence.py BAG... --write    # and put it into the package
+    python scripts/calibrate_confidence.py BAG...            # fit and print
+    python scripts/calibrate_confidence.py BAG... --write    # also update the package
 
-Recordings named ``report_*`` or ``drawn_*`` are only looked at, all others are fitted. An obstacle
-is real where at least half of its counted pixels are labelled rock, slope or drop; one with less
-than half of its pixels counted is left out. A good detector has few false obstacles to learn from,
-so that each pair that is fitted is also fitted as a worse camera would have taken it:
-`VARIATIONS`. The reported recordings are taken as they are.
+Bags named ``report_*`` or ``drawn_*`` only test the fit; all others are fitted. An obstacle is
+real if at least half of its counted pixels are labelled rock, slope or drop. One with less than
+half of its pixels counted is ignored. A good detector has few false obstacles to learn from, so
+every fitted pair is also fitted with degraded images: `VARIATIONS`. Test bags are not degraded.
 """
 
 from __future__ import annotations
@@ -22,11 +21,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from studies.reliability import (
-    JudgedObstacles,
-    judge,
-    reliability_table,
-)
+from studies.reliability import JudgedObstacles, judge, reliability_table
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame
@@ -44,8 +39,7 @@ from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
 from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
 
-# The best Brier score of the fitted scenes as recorded, each by a fit to the others, of 0.1, 1, 3,
-# 10, 30 and 100; from 0.1 to 30 it hardly matters.
+# Best cross-validated Brier score of 0.1, 1, 3, 10, 30 and 100; from 0.1 to 30 it hardly matters.
 RIDGE = 10.0
 COEFFICIENTS_FILE = Path(str(confidence_coefficients.__file__))
 
@@ -55,21 +49,21 @@ Floats = NDArray[np.float64]
 
 
 def noisy(image: Image, gain: float, noise: float, random: Random) -> Image:
-    """Darken an image, and add noise; both as shares of the full scale."""
+    """Scale an image and add Gaussian noise, its sigma a share of full scale."""
     full = np.iinfo(image.dtype).max
-    spoilt = image.astype(np.float32) * gain + random.normal(0, noise * full, image.shape)
-    return np.clip(np.rint(spoilt), 0, full).astype(image.dtype)
+    degraded = image.astype(np.float32) * gain + random.normal(0, noise * full, image.shape)
+    return np.clip(np.rint(degraded), 0, full).astype(image.dtype)
 
 
 def shifted(image: Image, rows: float) -> Image:
-    """Shift an image down, as an error of the rectification does."""
+    """Shift an image down, like a rectification error."""
     motion = np.array([[1, 0, 0], [0, 1, rows]], np.float32)
     size = image.shape[1], image.shape[0]
     return np.asarray(cv2.warpAffine(image, motion, size, borderMode=cv2.BORDER_REPLICATE))
 
 
 def blurred(image: Image, sigma_px: float) -> Image:
-    """Put an image out of focus."""
+    """Defocus an image."""
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px))
 
 
@@ -85,15 +79,15 @@ VARIATIONS: dict[str, Callable[[Image, Image, Random], tuple[Image, Image]]] = {
     ),
     'rows off by 0.7': lambda left, right, random: (left, shifted(right, 0.7)),
     'rows off by 1.5': lambda left, right, random: (left, shifted(right, 1.5)),
-    'one eye blurred': lambda left, right, random: (left, blurred(right, 2)),
+    'right image blurred': lambda left, right, random: (left, blurred(right, 2)),
 }
-REPORTED = ('report_', 'drawn_')
+TEST_PREFIXES = ('report_', 'drawn_')
 AS_RECORDED = ('as recorded',)
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """The obstacles of one pair that labels can judge.
+    """Features of the obstacles in one pair that the labels can judge.
 
     Parameters
     ----------
@@ -109,24 +103,26 @@ class Sample:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Collect, fit, print, and write if asked to."""
+    """Collect samples, fit, print the tables; write the coefficients on request."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='labelled recording')
+    parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='labelled bag')
     parser.add_argument('--method', choices=METHODS, default='hybrid')
     parser.add_argument(
-        '--write', action='store_true', help=f'put the coefficients into {COEFFICIENTS_FILE.name}'
+        '--write', action='store_true', help=f'write the coefficients to {COEFFICIENTS_FILE.name}'
     )
     options = parser.parse_args(arguments)
-    reported = [path for path in options.bags if path.resolve().name.startswith(REPORTED)]
-    tuning = [path for path in options.bags if path not in reported]
+    test = [path for path in options.bags if path.resolve().name.startswith(TEST_PREFIXES)]
+    tuning = [path for path in options.bags if path not in test]
     if not tuning:
-        parser.error(f'nothing to fit: every recording is named {" or ".join(REPORTED)}')
-    # What the confidence would leave out has to be seen to know how sure it is.
+        parser.error(f'nothing to fit: all bag names start with {" or ".join(TEST_PREFIXES)}')
+    # Obstacles of low confidence must be detected to be calibrated.
     config = DetectorConfig(method=options.method, min_confidence=0.0)
     samples = collect(tuning, config, tuple(VARIATIONS))
     real = np.concatenate([np.zeros(0, bool), *(each.real for each in samples)])
     if real.all() or not real.any():
-        sys.exit(f'{len(real)} obstacles judged, {real.sum()} of them real: some of both needed')
+        sys.exit(
+            f'{real.sum()} of {len(real)} obstacles are real: the fit needs real and false ones'
+        )
     weights = fit(samples)
     for name, weight in zip(FEATURES, weights, strict=True):
         print(f'{name:24}{weight:9.4f}')
@@ -135,45 +131,45 @@ def main(arguments: Sequence[str] | None = None) -> None:
     show(f'{fitted}, with all variations', judged(samples, weights))
     recorded = [each for each in samples if each.variation in AS_RECORDED]
     show(f'{fitted}, as recorded', judged(recorded, weights))
-    show(f'{fitted}, as recorded, each by a fit to the others', judged_by_others(samples))
-    if reported:
-        others = collect(reported, config, AS_RECORDED)
-        title = f'{options.method}, {len({each.scene for each in others})} reported scenes'
-        show(title, judged(others, weights))
+    show(f'{fitted}, as recorded, cross-validated', cross_validated(samples))
+    if test:
+        tested = collect(test, config, AS_RECORDED)
+        title = f'{options.method}, {len({each.scene for each in tested})} test scenes'
+        show(title, judged(tested, weights))
     if options.write:
         known = confidence_coefficients.COEFFICIENTS
         COEFFICIENTS_FILE.write_text(file_text({**known, options.method: by_name(weights)}))
-        print(f'\nwritten: {COEFFICIENTS_FILE}')
+        print(f'\ncoefficients written to {COEFFICIENTS_FILE}')
 
 
 def collect(
     paths: Sequence[Path], config: DetectorConfig, variations: Sequence[str]
 ) -> list[Sample]:
-    """Detect and judge obstacles; a recording that cannot be read is named and left out."""
+    """Detect and judge the obstacles of bags; report and skip unreadable bags."""
     samples = []
     for path in paths:
         try:
             for frame in frames_of(path):
                 samples += [sample(path.name, frame, config, name) for name in variations]
         except ObstacleDetectionError as error:
-            print(f'left out: {error}', file=sys.stderr)
+            print(f'skipped: {error}', file=sys.stderr)
     return samples
 
 
 def frames_of(path: Path) -> Iterator[LabelledFrame]:
-    """Read the labelled frames of a recording."""
+    """Read the labelled frames of a bag."""
     with open_bag(path) as bag:
         truth = find_truth_topics(bag)
         frames, _ = labelled_frames(bag, truth, BagOptions())
         for frame in frames:
             if isinstance(frame, BadFrame):
-                print(f'left out: {path}: {frame.reason}', file=sys.stderr)
+                print(f'skipped: {path}: {frame.reason}', file=sys.stderr)
             else:
                 yield frame
 
 
 def sample(scene: str, frame: LabelledFrame, config: DetectorConfig, variation: str) -> Sample:
-    """Detect the obstacles of a pair, and judge them."""
+    """Detect and judge the obstacles of a frame, degraded by a variation."""
     random = np.random.default_rng(frame.stamp_ns)
     pair = VARIATIONS[variation](frame.left, frame.right, random)
     detection = Detector(frame.camera, config).detect(*pair)
@@ -189,7 +185,7 @@ def fit(samples: Sequence[Sample], ridge: float = RIDGE) -> Floats:
     ----------
     samples : sequence of Sample
     ridge : float
-        Penalty on the squares of the weights of features of unit spread.
+        L2 penalty on the weights of the standardised features.
 
     Returns
     -------
@@ -197,9 +193,8 @@ def fit(samples: Sequence[Sample], ridge: float = RIDGE) -> Floats:
 
     Notes
     -----
-    A feature that can only speak for an obstacle, or only against it, and whose weight would have
-    the other sign, is left out: the one with the largest such weight first, then the fit is
-    repeated.
+    Some features can only strengthen or only weaken an obstacle. If their weights have the wrong
+    sign, the feature with the worst one is dropped and the fit repeated.
     """
     features = np.concatenate([each.features for each in samples])
     real = np.concatenate([each.real for each in samples])
@@ -224,7 +219,7 @@ def fit(samples: Sequence[Sample], ridge: float = RIDGE) -> Floats:
 
 
 def reweighted_least_squares(features: Floats, real: NDArray[np.bool_], ridge: float) -> Floats:
-    """Maximise the penalised likelihood by Newton's method; the first feature is the constant."""
+    """Maximise the penalised likelihood with Newton's method; the first feature is constant."""
     penalty = np.full(features.shape[1], ridge)
     penalty[0] = 0
     weights = np.zeros(features.shape[1])
@@ -240,14 +235,14 @@ def reweighted_least_squares(features: Floats, real: NDArray[np.bool_], ridge: f
 
 
 def judged(samples: Sequence[Sample], weights: Floats) -> JudgedObstacles:
-    """Give the obstacles of samples the confidence that the weights make."""
+    """Compute the confidence of the obstacles in samples."""
     nothing = JudgedObstacles(np.zeros(0), np.zeros(0, bool))
     parts = (JudgedObstacles(logistic(each.features @ weights), each.real) for each in samples)
     return sum(parts, nothing)
 
 
-def judged_by_others(samples: Sequence[Sample]) -> JudgedObstacles:
-    """Judge the obstacles of each scene, as recorded, by a fit to all other scenes."""
+def cross_validated(samples: Sequence[Sample]) -> JudgedObstacles:
+    """Compute the confidence of each scene as recorded with a fit to all other scenes."""
     found = JudgedObstacles(np.zeros(0), np.zeros(0, bool))
     for scene in sorted({each.scene for each in samples}):
         others = [each for each in samples if each.scene != scene]
@@ -258,7 +253,7 @@ def judged_by_others(samples: Sequence[Sample]) -> JudgedObstacles:
 
 
 def show(title: str, obstacles: JudgedObstacles) -> None:
-    """Print the table of reliability, and the figures that sum it up."""
+    """Print the reliability table and its summary figures."""
     table = reliability_table(title, obstacles)
     figures = {
         'calibration error': obstacles.calibration_error(),
@@ -270,15 +265,15 @@ def show(title: str, obstacles: JudgedObstacles) -> None:
 
 
 def by_name(weights: Floats) -> dict[str, float]:
-    """Name the weights, rounded to what matters."""
-    # Adding 0.0 turns a negative zero into a plain one.
+    """Map feature names to rounded weights."""
+    # Adding 0.0 turns -0.0 into 0.0.
     return {
         name: round(float(each), 4) + 0.0 for name, each in zip(FEATURES, weights, strict=True)
     }
 
 
 def file_text(coefficients: Mapping[str, Mapping[str, float]]) -> str:
-    """Write the module that holds the coefficients."""
+    """Format the module that holds the coefficients."""
     lines = []
     for method in METHODS:
         lines.append(f'    {method!r}: {{')

@@ -1,4 +1,4 @@
-"""The blocks of docs/evaluation.md: each a function of the results, in the order of the page."""
+"""The generated blocks of docs/evaluation.md and docs/evaluation_tables.md, in page order."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
-from evaluation_results import CONFIG, DRAWN_METHODS, OWN, REPORT, TUNE, Results
-from studies import disparity_study
-from studies.fault_tables import (
-    ablation_table,
-    causes_table,
-    losses_table,
-)
+from evaluation_results import CONFIG, DRAWN, OWN, REPORT, TUNE, Results
+from studies.disparity_study import pair_table, scenes_table
+from studies.fault_tables import ablation_table, causes_table, losses_table
 from studies.gravity_study import gravity_scene_table, gravity_table
 from studies.lens_study import lens_table
 from studies.reliability import JudgedObstacles, reliability_table
+from studies.summary_tables import (
+    Suites,
+    failures_table,
+    stages_table,
+    suites_table,
+    summary_table,
+)
 
+from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 from rover_obstacle_detection.evaluation.results import Evaluation, mean_iou
 from rover_obstacle_detection.evaluation.tables import (
     Table,
@@ -26,6 +30,7 @@ from rover_obstacle_detection.evaluation.tables import (
     condition_table,
     distribution_table,
     method_table,
+    number,
     range_table,
     scene_table,
 )
@@ -33,27 +38,27 @@ from rover_obstacle_detection.offline.evaluation_report import summary_lines
 
 PICTURES = 'images'
 PICTURE_NAME = 'evaluation_worst_{:02}.jpg'
-GROUP_NAMES = {REPORT: 'all reporting scenes', TUNE: 'all tuning scenes'}
+SUITE_NAMES = {REPORT: 'reporting', TUNE: 'tuning', DRAWN: 'drawn'}
 
 
 class Scene(Protocol):
-    """What can be grouped by condition."""
+    """A result that can be grouped by condition."""
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Names of them."""
+        """Names of the conditions."""
 
 
 S = TypeVar('S', bound=Scene)
 
 
 def markdown(table: Table | None) -> str:
-    """Write a table, or a dash where there is nothing to tell."""
+    """Format a table; a dash if it is empty."""
     return '-\n' if table is None or not table.rows else table.as_markdown()
 
 
 def scene_list(evaluation: Evaluation) -> str:
-    """Say which scenes the figures are of."""
+    """List the scenes of an evaluation."""
     results = evaluation.of(OWN)
     frames = sum(len(result.frames) for result in results)
     names = ', '.join(f'`{result.scene}`' for result in results)
@@ -61,7 +66,7 @@ def scene_list(evaluation: Evaluation) -> str:
 
 
 def gain_table(evaluation: Evaluation) -> Table:
-    """Compare the hybrid with 2D alone and 3D alone, condition by condition."""
+    """Compare the hybrid with 2D only and 3D only, one row per condition."""
     rows = []
     for condition in evaluation.conditions:
         own, image_only, depth_only = (
@@ -71,75 +76,82 @@ def gain_table(evaluation: Evaluation) -> Table:
         if own is None or image_only is None or depth_only is None:
             continue
         values = (own, image_only, depth_only, own - image_only, own - depth_only)
-        rows.append((condition, *(f'{value:.3f}' for value in values)))
+        rows.append((condition, *map(number, values)))
     header = ('condition', OWN, '2D only', '3D only', 'gain over 2D', 'gain over 3D')
     return Table('Gain', header, rows)
 
 
 def clearance_table(evaluation: Evaluation) -> Table:
-    """Precision / recall of each method with a clearance, a row a value of it."""
-    methods = list(evaluation.curves)
+    """Tabulate precision / recall, one row per clearance and one column per method."""
     clearances = sorted({step for curve in evaluation.curves.values() for step in curve})
     rows = []
     for max_step_m in clearances:
-        cells = []
-        for method in methods:
-            figures = evaluation.curves[method][max_step_m]
-            known = (figures.precision, figures.recall)
-            cells.append(' / '.join('-' if each is None else f'{each:.2f}' for each in known))
+        figures = [curve[max_step_m] for curve in evaluation.curves.values()]
+        cells = (f'{number(each.precision, 2)} / {number(each.recall, 2)}' for each in figures)
         rows.append((f'{max_step_m:g}', *cells))
-    return Table('Clearance', ('max_step (m)', *methods), rows)
-
-
-def terrain(results: Results) -> Table | None:
-    """Tabulate roughness and step of the methods that measure them."""
-    evaluation = results.timed(*results.installed(OWN, 'study'))
-    return distribution_table(evaluation, CONFIG.study_max_roughness, CONFIG.study_max_step)
+    return Table('Clearance', ('max_step (m)', *evaluation.curves), rows)
 
 
 def worst_frames(evaluation: Evaluation, folder: Path) -> str:
-    """Save the worst pictures beside the page, and show each with what went wrong in it."""
+    """Save the worst pictures next to the page, and list them with their faults."""
     pictures = folder / PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
     for old in pictures.glob('evaluation_worst_*.jpg'):
         old.unlink()
     lines = []
     own = [picture for picture in evaluation.pictures if picture.method == OWN]
-    for number, picture in enumerate(own, 1):
-        name = PICTURE_NAME.format(number)
+    for position, picture in enumerate(own, 1):
+        name = PICTURE_NAME.format(position)
         (pictures / name).write_bytes(picture.jpeg)
         first, *others = summary_lines(picture)
-        lines.append(f'{number}. {picture.scene}: {first}\n')
+        lines.append(f'{position}. {picture.scene}: {first}\n')
         lines += [f'   - {line}' for line in others]
         lines.append(f'\n   ![{picture.scene}]({PICTURES}/{name})\n')
     return '\n'.join(lines)
 
 
 def by_condition(of: Callable[[str], Sequence[S]]) -> Mapping[str, Sequence[S]]:
-    """Group scenes: all of either kind, and the reporting scenes by condition and rig."""
+    """Group scenes by suite, and the reporting scenes also by condition."""
     reporting = of(REPORT)
-    groups: dict[str, Sequence[S]] = {GROUP_NAMES[kind]: of(kind) for kind in (REPORT, TUNE)}
+    groups: dict[str, Sequence[S]] = {
+        f'all {SUITE_NAMES[kind]} scenes': of(kind) for kind in (REPORT, TUNE)
+    }
     for condition in sorted({name for scene in reporting for name in scene.conditions}):
         groups[condition] = [scene for scene in reporting if condition in scene.conditions]
     return {name: scenes for name, scenes in groups.items() if scenes}
 
 
-def motorcycle(results: Results) -> Table:
-    """Disparity of the Middlebury pair."""
-    return disparity_study.pair_table(results.motorcycle)
-
-
 def reliability(results: Results) -> Table:
-    """Confidence of the obstacles of the reporting scenes, and how many are real."""
-    judged = JudgedObstacles(np.zeros(0), np.zeros(0, bool))
-    for scene in results.reliability(REPORT):
-        judged = judged + scene
-    return reliability_table('Reliability', judged)
+    """Tabulate confidence against the share of real obstacles in the reporting scenes."""
+    nothing = JudgedObstacles(np.zeros(0), np.zeros(0, bool))
+    return reliability_table('Reliability', sum(results.reliability(REPORT), nothing))
 
 
-def gains(results: Results) -> Table:
-    """Compare the hybrid with what it is made of."""
-    return gain_table(results.timed(*results.installed(OWN, 'image_only', 'depth_only')))
+def suites(results: Results) -> Suites:
+    """Results of the hybrid by suite."""
+    evaluations = results.timed(OWN), results.tuned(OWN), results.drawn(OWN)
+    return {
+        name: evaluation.of(OWN)
+        for name, evaluation in zip(SUITE_NAMES.values(), evaluations, strict=True)
+    }
+
+
+def stages(results: Results) -> Table:
+    """Tabulate the stages that matter most."""
+    kinds = (REPORT, TUNE)
+    return stages_table({SUITE_NAMES[kind]: results.ablation(kind) for kind in kinds}, OWN)
+
+
+def descriptions(results: Results) -> Table:
+    """Tabulate what each method is."""
+    rows = [(name, METHOD_DESCRIPTIONS[name]) for name in results.methods]
+    return Table('Methods', ('method', 'description'), rows)
+
+
+def terrain(results: Results) -> Table | None:
+    """Tabulate roughness and step of the methods that measure them."""
+    evaluation = results.timed(*results.installed(OWN, 'study'))
+    return distribution_table(evaluation, CONFIG.study_max_roughness, CONFIG.study_max_step)
 
 
 Block = Callable[[Results, Path], str]
@@ -150,7 +162,15 @@ def tabulated(make: Callable[[Results], Table | None]) -> Block:
     return lambda results, folder: markdown(make(results))
 
 
-BLOCKS: dict[str, Block] = {
+SUMMARY_BLOCKS: dict[str, Block] = {
+    'summary': tabulated(lambda results: summary_table(results.timed(*results.methods))),
+    'suites': tabulated(lambda results: suites_table(suites(results))),
+    'stages': tabulated(stages),
+    'failures': tabulated(lambda results: failures_table(suites(results))),
+}
+
+TABLE_BLOCKS: dict[str, Block] = {
+    'descriptions': tabulated(descriptions),
     'reporting-scenes': lambda results, folder: scene_list(results.timed(OWN)),
     'methods': tabulated(lambda results: method_table(results.timed(*results.methods))),
     'conditions': tabulated(lambda results: condition_table(results.timed(OWN), OWN)),
@@ -158,27 +178,27 @@ BLOCKS: dict[str, Block] = {
     'condition-obstacles': tabulated(
         lambda results: condition_obstacles(results.timed(*results.methods))
     ),
-    'gains': tabulated(gains),
+    'gains': tabulated(
+        lambda results: gain_table(
+            results.timed(*results.installed(OWN, 'image_only', 'depth_only'))
+        )
+    ),
+    'scenes': tabulated(lambda results: scene_table(results.timed(OWN), OWN)),
+    'losses': tabulated(lambda results: losses_table(results.timed(OWN), OWN)),
+    'causes': tabulated(lambda results: causes_table(results.timed(OWN), OWN)),
+    'ranges': tabulated(lambda results: range_table(results.timed(OWN), OWN)),
+    'clearance': tabulated(lambda results: clearance_table(results.curves)),
     'ablation': tabulated(lambda results: ablation_table(results.ablation(REPORT), OWN)),
     'ablation-tuning': tabulated(lambda results: ablation_table(results.ablation(TUNE), OWN)),
     'gravity': tabulated(lambda results: gravity_table(by_condition(results.gravity))),
     'gravity-scenes': tabulated(lambda results: gravity_scene_table(results.gravity(REPORT))),
     'lenses': tabulated(lambda results: lens_table(results.lenses(REPORT))),
-    'clearance': tabulated(lambda results: clearance_table(results.curves)),
-    'ranges': tabulated(lambda results: range_table(results.timed(OWN), OWN)),
     'reliability': tabulated(reliability),
-    'disparity': tabulated(
-        lambda results: disparity_study.scenes_table(by_condition(results.disparity))
-    ),
-    'motorcycle': tabulated(motorcycle),
+    'disparity': tabulated(lambda results: scenes_table(by_condition(results.disparity))),
+    'motorcycle': tabulated(lambda results: pair_table(results.motorcycle)),
     'terrain': tabulated(terrain),
-    'scenes': tabulated(lambda results: scene_table(results.timed(OWN), OWN)),
-    'losses': tabulated(lambda results: losses_table(results.timed(OWN), OWN)),
-    'causes': tabulated(lambda results: causes_table(results.timed(OWN), OWN)),
     'drawn': tabulated(
-        lambda results: method_table(
-            results.drawn(*results.installed(*DRAWN_METHODS)), with_times=False
-        )
+        lambda results: method_table(results.drawn(*results.drawn_methods), with_times=False)
     ),
     'drawn-scenes': tabulated(
         lambda results: scene_table(results.drawn(OWN), OWN, with_times=False)
@@ -193,3 +213,9 @@ BLOCKS: dict[str, Block] = {
     'sample': tabulated(lambda results: method_table(results.sample(*results.methods))),
     'worst': lambda results, folder: worst_frames(results.timed(OWN), folder),
 }
+
+PAGES: dict[str, dict[str, Block]] = {
+    'evaluation.md': SUMMARY_BLOCKS,
+    'evaluation_tables.md': TABLE_BLOCKS,
+}
+"""Blocks of each page in docs/, by name."""

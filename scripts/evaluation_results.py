@@ -1,4 +1,4 @@
-"""What the blocks of docs/evaluation.md are made of, worked out when it is first asked for."""
+"""Results behind the blocks of the evaluation pages, computed when first needed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import functools
 import multiprocessing
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property
 from pathlib import Path
@@ -34,11 +34,10 @@ from rover_obstacle_detection.evaluation.runner import RunOptions
 
 SAMPLE = Path(__file__).resolve().parent.parent / 'bags' / 'mars_yard'
 OWN = 'hybrid'
-WORST = 10
-# The sparse pipeline would take longer at nine clearances than all the rest together.
-CURVED = tuple(method for method in USE_CLEARANCE if method != 'wang')
+WORST_PICTURES = 10
 REPORT, TUNE, DRAWN = 'report', 'tune', 'drawn'
-# The others take as long as all the rest together, and are told by the reporting scenes.
+# The clearance curve and the drawn scenes skip the methods that take seconds a frame.
+CURVED = tuple(method for method in USE_CLEARANCE if method != 'wang')
 DRAWN_METHODS = ('hybrid', 'study', 'image_only', 'depth_only', 'patchwork')
 CONFIG = DetectorConfig()
 
@@ -46,18 +45,18 @@ T = TypeVar('T')
 
 
 class Results:
-    """Evaluations and studies of the reporting and the tuning scenes.
+    """Evaluations and studies of the labelled scenes.
 
     Parameters
     ----------
     reporting, tuning : sequence of Path
         Labelled bags.
     methods : sequence of str
-        To compare.
+        Methods to compare.
     workers : int
-        Processes for what is not timed.
+        Processes for everything that is not timed.
     drawn : sequence of Path
-        Labelled bags of scenes drawn by chance, which are reported as well.
+        Labelled bags of the randomly drawn scenes.
     """
 
     def __init__(
@@ -70,7 +69,7 @@ class Results:
     ) -> None:
         self._bags = {REPORT: reporting, TUNE: tuning, DRAWN: drawn}
         self.methods = methods
-        # OpenCV's threads do not survive a fork; of two processes each has one core.
+        # OpenCV's threads do not survive a fork; with one thread each, workers do not compete.
         self._pool = ProcessPoolExecutor(
             workers, multiprocessing.get_context('spawn'), cv2.setNumThreads, (1,)
         )
@@ -82,33 +81,37 @@ class Results:
         self._pool.shutdown(cancel_futures=True)
 
     def installed(self, *names: str) -> list[str]:
-        """Those of some methods that are compared."""
+        """Select the methods that are compared."""
         return [name for name in names if name in self.methods]
 
+    @property
+    def drawn_methods(self) -> list[str]:
+        """Methods to compare on the drawn scenes."""
+        return self.installed(*DRAWN_METHODS)
+
     def timed(self, *methods: str) -> Evaluation:
-        """Run methods over the reporting scenes, one after another with nothing beside them."""
+        """Run methods on the reporting scenes, one at a time in this process."""
         return side_by_side([self._timed(method) for method in methods])
 
     def sample(self, *methods: str) -> Evaluation:
-        """Run methods over the bag that comes with the project, in the same way."""
+        """Run methods on the recorded sample bag, one at a time in this process."""
         return side_by_side([self._sample(method) for method in methods])
 
     def tuned(self, *methods: str) -> Evaluation:
-        """Run methods over the tuning scenes; their times mean nothing."""
+        """Run methods on the tuning scenes; ignore the times."""
         return side_by_side([self._untimed(TUNE, method) for method in methods])
 
     def drawn(self, *methods: str) -> Evaluation:
-        """Run methods over the scenes drawn by chance; their times mean nothing."""
+        """Run methods on the drawn scenes; ignore the times."""
         return side_by_side([self._untimed(DRAWN, method) for method in methods])
 
     def ablation(self, kind: str) -> Evaluation:
-        """Run the hybrid with and without each of its stages; the times mean nothing."""
+        """Run the hybrid with and without each stage; ignore the times."""
         return side_by_side([self._untimed(kind, method) for method in ablated_methods()])
 
     @cached_property
     def curves(self) -> Evaluation:
-        """Methods with a clearance over the reporting scenes at others, as its ``curves``."""
-        methods = self.installed(*CURVED)
+        """Reporting scenes at other clearances: ``curves`` of each method that depends on it."""
         parts = [
             self._shared(
                 f'{method} at other clearances',
@@ -116,14 +119,14 @@ class Results:
                 self._bags[REPORT],
                 RunOptions([method], CONFIG, repeat=1, curve=True),
             )
-            for method in methods
+            for method in self.installed(*CURVED)
         ]
         return side_by_side([merged(part, 0) for part in parts])
 
     @functools.cache  # noqa: B019
     def gravity(self, kind: str) -> list[SceneGravity]:
-        """Run the hybrid with the vertical told and with the vertical estimated."""
-        return self._shared('vertical told', study_gravity, self._bags[kind], CONFIG)
+        """Compare known with estimated gravity."""
+        return self._shared('gravity', study_gravity, self._bags[kind], CONFIG)
 
     @functools.cache  # noqa: B019
     def disparity(self, kind: str) -> list[SceneDisparity]:
@@ -132,13 +135,13 @@ class Results:
 
     @functools.cache  # noqa: B019
     def lenses(self, kind: str) -> list[SceneLenses]:
-        """Look through lenses that bend."""
-        frames = self._shared('bent lenses', study_lenses, self._bags[kind], CONFIG)
+        """Add residual lens distortion to each frame."""
+        frames = self._shared('lens distortion', study_lenses, self._bags[kind], CONFIG)
         return [frame for scene in frames for frame in scene]
 
     @functools.cache  # noqa: B019
     def reliability(self, kind: str) -> list[JudgedObstacles]:
-        """Judge which obstacles are real."""
+        """Check which detected obstacles are real."""
         return self._shared('reliability', study_reliability, self._bags[kind], CONFIG)
 
     @cached_property
@@ -148,17 +151,17 @@ class Results:
 
     @functools.cache  # noqa: B019
     def _timed(self, method: str) -> Evaluation:
-        pictures = WORST if method == OWN else 0
+        pictures = WORST_PICTURES if method == OWN else 0
         options = RunOptions([method], CONFIG, worst_pictures=pictures)
-        return merged(list(alone(f'{method}, timed', self._bags[REPORT], options)), pictures)
+        return evaluate_here(f'{method}, timed', self._bags[REPORT], options)
 
     @functools.cache  # noqa: B019
     def _sample(self, method: str) -> Evaluation:
-        return merged(list(alone(method, [SAMPLE], RunOptions([method], CONFIG))), 0)
+        return evaluate_here(method, [SAMPLE], RunOptions([method], CONFIG))
 
     @functools.cache  # noqa: B019
     def _untimed(self, kind: str, method: str) -> Evaluation:
-        # Faults come with pictures.
+        # Faults are only analysed when pictures are kept.
         pictures = 1 if method == OWN else 0
         options = RunOptions([method], CONFIG, repeat=1, worst_pictures=pictures)
         return merged(self._shared(method, evaluate_scene, self._bags[kind], options), 0)
@@ -166,27 +169,27 @@ class Results:
     def _shared(
         self, what: str, study: Callable[[Path, Any], T], bags: Sequence[Path], options: Any
     ) -> list[T]:
-        """Study scenes, each in one of the processes, in order."""
+        """Study bags in the worker processes; results keep the order of the bags."""
         started = time.monotonic()
         futures = [self._pool.submit(study, bag, options) for bag in bags]
         done = [future.result() for future in futures]
-        tell(what, len(bags), started)
+        report_progress(what, len(bags), started)
         return done
 
 
-def alone(what: str, bags: Sequence[Path], options: RunOptions) -> Iterable[Evaluation]:
-    """Run methods over scenes in this process."""
+def evaluate_here(what: str, bags: Sequence[Path], options: RunOptions) -> Evaluation:
+    """Run methods on bags in this process."""
     started = time.monotonic()
-    for bag in bags:
-        yield evaluate_scene(bag, options)
-    tell(what, len(bags), started)
+    parts = [evaluate_scene(bag, options) for bag in bags]
+    report_progress(what, len(bags), started)
+    return merged(parts, options.worst_pictures)
 
 
 def side_by_side(evaluations: Sequence[Evaluation]) -> Evaluation:
-    """Put evaluations of different methods together, in this order."""
-    return merged(evaluations, WORST)
+    """Combine evaluations of different methods, in this order."""
+    return merged(evaluations, WORST_PICTURES)
 
 
-def tell(what: str, scenes: int, started: float) -> None:
-    """Say what took how long."""
+def report_progress(what: str, scenes: int, started: float) -> None:
+    """Print to stderr what was done and how long it took."""
     print(f'{what}: {scenes} scenes in {time.monotonic() - started:.0f} s', file=sys.stderr)

@@ -1,17 +1,17 @@
-"""Remake every figure and picture of docs/evaluation.md.
+"""Update all generated tables and pictures of the evaluation pages in docs/.
 
     python scripts/update_evaluation.py                      # the standard suite
     python scripts/update_evaluation.py --bags SCENES        # a folder of labelled bags
-    python scripts/update_evaluation.py --only worst causes  # these blocks of the page alone
+    python scripts/update_evaluation.py --only worst causes  # single blocks
 
-The suite is rendered where it is not yet (extra sim). Scenes named ``report_*`` make the reported
-figures, those named ``tune_*`` the figures to compare them with, and those of the suite `drawn`
-figures of rigs that nothing was trained on; the recorded bag that comes with
-the project has a table of its own. The text of the page between the blocks stays as it is. The
-pair of Middlebury needs the extra data; methods whose library is missing are left out.
+Both pages are updated: evaluation.md and its appendix evaluation_tables.md. Text outside the
+generated blocks stays. Missing scenes are rendered (extra sim). Scenes named ``report_*`` and
+``tune_*`` form the reporting and the tuning suite; the suite ``drawn`` is rendered separately and
+skipped with --bags. The sample bag in bags/ has a table of its own. The Middlebury pair needs the
+extra data; methods whose library is missing are skipped.
 
-What has a time in it is run in this process, one call after another with nothing beside it; all
-the rest is shared out among --workers processes.
+Timed results are computed in this process, one at a time. Everything else runs in --workers
+processes.
 """
 
 from __future__ import annotations
@@ -20,81 +20,93 @@ import argparse
 import fnmatch
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
-from evaluation_blocks import BLOCKS
+from evaluation_blocks import PAGES
 from evaluation_results import Results
 
 from rover_obstacle_detection.errors import MissingExtraError, ObstacleDetectionError
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 from rover_obstacle_detection.evaluation.methods.registry import make_method
 
-PAGE = Path(__file__).resolve().parent.parent / 'docs' / 'evaluation.md'
+DOCS = Path(__file__).resolve().parent.parent / 'docs'
 
 
 def main() -> None:
-    """Evaluate, and write the page."""
+    """Evaluate, and update the pages block by block."""
     arguments = parsed_arguments()
     started = time.monotonic()
-    results = Results(
+    blocks = [
+        (arguments.docs / page, name, make)
+        for page, contents in PAGES.items()
+        for name, make in contents.items()
+        if arguments.only is None or name in arguments.only
+    ]
+    for page, name, _ in blocks:
+        check_block(page, name)
+    failed = []
+    with Results(
         scenes(arguments, 'report_*'),
         scenes(arguments, 'tune_*'),
         chosen_methods(arguments.methods),
         arguments.workers,
         drawn(arguments),
-    )
-    names = arguments.only or list(BLOCKS)
-    check_blocks(arguments.page.read_text(encoding='utf-8'), names)
-    failed = []
-    with results:
-        for name in names:
+    ) as results:
+        for page, name, make in blocks:
             try:
-                content = BLOCKS[name](results, arguments.page.parent)
+                content = make(results, arguments.docs)
             except ObstacleDetectionError as error:
-                failed.append(f'block {name} stays as it was: {error}')
+                failed.append(f'block {name} not updated: {error}')
                 continue
-            # At once: what took half an hour is not lost with what fails after it.
-            text = with_block(arguments.page.read_text(encoding='utf-8'), name, content)
-            arguments.page.write_text(text, encoding='utf-8')
-    print(f'written: {arguments.page}, in {time.monotonic() - started:.0f} s')
+            # Written at once, so that a later failure costs no finished block.
+            text = with_block(page.read_text(encoding='utf-8'), name, content)
+            page.write_text(text, encoding='utf-8')
+    updated = len(blocks) - len(failed)
+    print(f'{arguments.docs}: {updated} blocks updated in {time.monotonic() - started:.0f} s')
     if failed:
         sys.exit('\n'.join(failed))
 
 
 def parsed_arguments() -> argparse.Namespace:
     """Read the command line."""
+    names = [name for contents in PAGES.values() for name in contents]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--suite', default='standard', help='suite to render (default: standard)')
     parser.add_argument(
-        '--bags', type=Path, metavar='DIR', help='labelled bags instead of a suite'
+        '--bags', type=Path, metavar='DIR', help='labelled bags to use instead of the suites'
     )
     parser.add_argument(
-        '--scenes', default='*', metavar='PATTERN', help="leave out all others, as in '*_vga_*'"
+        '--scenes', default='*', metavar='PATTERN', help="only matching scenes, as in '*_vga_*'"
     )
     parser.add_argument(
         '--method',
         action='append',
         choices=METHOD_DESCRIPTIONS,
         dest='methods',
-        help='leave out all others; may be repeated (default: all that are installed)',
+        help='only this method; may be repeated (default: all that are installed)',
     )
     parser.add_argument(
-        '--only', nargs='+', choices=BLOCKS, metavar='BLOCK', help=f'of {", ".join(BLOCKS)}'
+        '--only', nargs='+', choices=names, metavar='BLOCK', help=f'of {", ".join(names)}'
     )
     parser.add_argument(
         '--workers',
         type=int,
         default=2,
         metavar='N',
-        help='processes for what is not timed (default: 2)',
+        help='processes for everything that is not timed (default: 2)',
     )
-    parser.add_argument('--page', type=Path, default=PAGE, help=f'default: {PAGE}')
+    parser.add_argument(
+        '--docs',
+        type=Path,
+        default=DOCS,
+        metavar='DIR',
+        help='folder of the pages (default: docs)',
+    )
     return parser.parse_args()
 
 
 def scenes(arguments: argparse.Namespace, kind: str) -> list[Path]:
-    """Labelled bags whose names match two patterns, rendered if need be."""
+    """Bags of the suite, or of --bags, whose names match both patterns."""
     if arguments.bags:
         bags = sorted(path for path in arguments.bags.iterdir() if path.is_dir())
     else:
@@ -107,12 +119,12 @@ def scenes(arguments: argparse.Namespace, kind: str) -> list[Path]:
 
 
 def drawn(arguments: argparse.Namespace) -> list[Path]:
-    """Labelled bags of the scenes drawn by chance, unless other bags are given."""
+    """Bags of the drawn scenes; none with --bags."""
     return [] if arguments.bags else rendered('drawn', (arguments.scenes,))
 
 
 def rendered(suite: str, patterns: tuple[str, ...]) -> list[Path]:
-    """Labelled bags of a suite's scenes that match all patterns, out of the user's cache."""
+    """Bags of the scenes that match all patterns, rendered into the user's cache."""
     from rover_obstacle_detection.simulation.cache import cache_folder, simulated_bag
     from rover_obstacle_detection.simulation.suite import load_suite
 
@@ -124,29 +136,29 @@ def rendered(suite: str, patterns: tuple[str, ...]) -> list[Path]:
     return bags
 
 
-def chosen_methods(asked: list[str] | None) -> list[str]:
-    """Names of the methods that are asked for and can be made here."""
+def chosen_methods(only: list[str] | None) -> list[str]:
+    """Names of the chosen methods whose library is installed."""
     installed = []
     for name in METHOD_DESCRIPTIONS:
-        if asked is not None and name not in asked:
+        if only is not None and name not in only:
             continue
         try:
             make_method(name)
             installed.append(name)
         except MissingExtraError as error:
-            print(f'left out: {error}', file=sys.stderr)
+            print(f'skipped: {error}', file=sys.stderr)
     return installed
 
 
-def check_blocks(text: str, names: Sequence[str]) -> None:
-    """Refuse a page without the marks of a block before the work, not after it."""
-    for name in names:
-        if f'<!-- begin {name} -->\n' not in text or f'<!-- end {name} -->' not in text:
-            sys.exit(f'the page has no block {name}')
+def check_block(page: Path, name: str) -> None:
+    """Exit if a page lacks the markers of a block."""
+    text = page.read_text(encoding='utf-8')
+    if f'<!-- begin {name} -->\n' not in text or f'<!-- end {name} -->' not in text:
+        sys.exit(f'{page} has no block {name}')
 
 
 def with_block(text: str, name: str, content: str) -> str:
-    """Put content between the marks of a block."""
+    """Replace the content between the markers of a block."""
     begin, end = f'<!-- begin {name} -->\n', f'<!-- end {name} -->'
     before, _, rest = text.partition(begin)
     return f'{before}{begin}\n{content}\n{end}{rest.partition(end)[2]}'

@@ -32,16 +32,17 @@ FIGURE_HEADER = (
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under a header; the first column is left-aligned, the others right."""
+    """Rows of text under a header."""
 
     title: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
     def as_markdown(self) -> str:
-        """Format the table as Markdown, without the title."""
-        rule = ['---', *('---:' for _ in self.header[1:])]
-        lines = (self.header, rule, *self.rows)
+        """Format a table with rows as Markdown, without the title; numbers are right-aligned."""
+        columns = zip(*self.rows, strict=True)
+        rule = ['---' if any(map(_is_text, cells)) else '---:' for cells in columns]
+        lines = (self.header, ['---', *rule[1:]], *self.rows)
         return '\n'.join(f'| {" | ".join(cells)} |' for cells in lines) + '\n'
 
 
@@ -190,6 +191,10 @@ def percent(value: float | None, digits: int = 0) -> str:
 def found_of(figures: Figures) -> str:
     """Format obstacles found out of all, as in ``3/4``."""
     return f'{figures.obstacles_found}/{figures.obstacles}'
+
+
+def _is_text(cell: str) -> bool:
+    return cell[:1].isalpha()
 
 
 def _figures(results: Sequence[SceneResult]) -> tuple[str, ...]:

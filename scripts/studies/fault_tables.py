@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Sequence
 
+from rover_obstacle_detection.evaluation.faults import Fault
 from rover_obstacle_detection.evaluation.losses import Losses
 from rover_obstacle_detection.evaluation.results import (
     Evaluation,
+    SceneResult,
     mean_iou,
     total,
     worst_condition,
@@ -21,18 +24,20 @@ LOSS_HEADER = {
 }
 
 
+def count_faults(results: Sequence[SceneResult]) -> Counter[tuple[str, str]]:
+    """Count faults by kind and name of the cause."""
+    return Counter(map(_sort, _faults(results)))
+
+
 def causes_table(evaluation: Evaluation, method: str) -> Table:
     """Count the faults of a method by kind and cause, most frequent first."""
-    numbers: Counter[tuple[str, str]] = Counter()
+    results = evaluation.of(method)
     pixels: Counter[tuple[str, str]] = Counter()
-    for result in evaluation.of(method):
-        for fault in (fault for frame in result.frames for fault in frame.faults):
-            sort = fault.kind, NONE if fault.cause is None else fault.cause.name
-            numbers[sort] += 1
-            pixels[sort] += fault.pixels
+    for fault in _faults(results):
+        pixels[_sort(fault)] += fault.pixels
     rows = [
         (kind, cause, str(count), str(pixels[kind, cause]))
-        for (kind, cause), count in numbers.most_common()
+        for (kind, cause), count in count_faults(results).most_common()
     ]
     return Table(f'Faults of {method}', ('fault', 'most likely cause', 'number', 'pixels'), rows)
 
@@ -71,6 +76,14 @@ def ablation_table(evaluation: Evaluation, whole: str) -> Table:
         )
     header = ('method', 'mean IoU', 'difference', 'obstacles', 'false alarms', 'worst condition')
     return Table('Stages left out', header, rows)
+
+
+def _faults(results: Sequence[SceneResult]) -> Iterator[Fault]:
+    return (fault for result in results for frame in result.frames for fault in frame.faults)
+
+
+def _sort(fault: Fault) -> tuple[str, str]:
+    return fault.kind, NONE if fault.cause is None else fault.cause.name
 
 
 def _part(losses: Losses, part: str) -> str:

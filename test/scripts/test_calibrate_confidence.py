@@ -1,4 +1,4 @@
-"""The script that fits the confidence."""
+"""The script that calibrates the confidence."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def column(name):
 
 
 def samples(script, weights, count=20000, scenes=1):
-    """Obstacles that are real as often as the weights say."""
+    """Obstacles that are real with the probability that the weights give."""
     random = np.random.default_rng(5)
     features = random.normal(2, 1, (count, len(FEATURES)))
     features[:, 0] = 1
@@ -55,23 +55,23 @@ TRUE = weights_of(
 )
 
 
-def test_the_fit_finds_the_weights_that_made_the_data(script):
+def test_fit_recovers_the_weights(script):
     found = script.fit(samples(script, TRUE), ridge=1)
     assert found == pytest.approx(TRUE, abs=0.1)
 
 
-def test_a_feature_that_never_varies_has_no_weight(script):
+def test_constant_feature_has_no_weight(script):
     found = script.fit(samples(script, TRUE), ridge=1)
     assert found[column('roughness_step_share')] == 0
 
 
-def test_the_mean_confidence_is_the_share_that_is_real(script):
+def test_mean_confidence_is_the_real_share(script):
     fitted = samples(script, TRUE, 500)
     judged = script.judged(fitted, script.fit(fitted))
     assert judged.confidence.mean() == pytest.approx(judged.real.mean(), abs=1e-6)
 
 
-def test_weights_of_the_wrong_sign_are_left_out(script):
+def test_weights_of_the_wrong_sign_are_dropped(script):
     against = weights_of(intercept=1, log_excess=-0.8, log_raggedness=0.6, slope_share=-0.5)
     found = script.fit(samples(script, against), ridge=1)
     assert found[column('log_excess')] == found[column('log_raggedness')] == 0
@@ -80,7 +80,7 @@ def test_weights_of_the_wrong_sign_are_left_out(script):
     assert all(found[column(name)] <= 0 for name in WEAKEN)
 
 
-def test_a_ridge_keeps_separable_data_from_endless_weights(script):
+def test_ridge_keeps_weights_of_separable_data_finite(script):
     features = np.ones((20, len(FEATURES)))
     features[:10, 2] = 5
     separable = [script.Sample('tune_a', 'as recorded', features, np.arange(20) < 10)]
@@ -89,20 +89,20 @@ def test_a_ridge_keeps_separable_data_from_endless_weights(script):
     assert judged.confidence[0] > 0.8 > 0.2 > judged.confidence[-1]
 
 
-def test_each_scene_is_judged_by_a_fit_to_the_others(script):
+def test_cross_validation_fits_to_the_other_scenes(script):
     apart = samples(script, TRUE, 3000, scenes=3)
     expected = [
         logistic(own.features @ script.fit([each for each in apart if each is not own]))
         for own in apart
     ]
-    judged = script.judged_by_others(apart)
+    judged = script.cross_validated(apart)
     assert judged.confidence == pytest.approx(np.concatenate(expected))
     np.testing.assert_array_equal(judged.real, np.concatenate([each.real for each in apart]))
 
 
 @pytest.mark.parametrize('dtype', [np.uint8, np.uint16])
 @pytest.mark.parametrize('shape', [(20, 30), (20, 30, 3)])
-def test_variations_keep_what_an_image_is_and_change_what_it_shows(script, dtype, shape):
+def test_variations_change_the_images_but_not_their_format(script, dtype, shape):
     random = np.random.default_rng(1)
     full = np.iinfo(dtype).max
     left = random.integers(0, full, shape).astype(dtype)
@@ -119,14 +119,14 @@ def test_variations_keep_what_an_image_is_and_change_what_it_shows(script, dtype
     np.testing.assert_array_equal(left, before[0])
 
 
-def test_a_shift_moves_the_picture_down(script):
+def test_shift_moves_the_image_down(script):
     image = np.zeros((10, 8), np.uint8)
     image[4] = 100
     np.testing.assert_array_equal(script.shifted(image, 2.0)[6], 100)
     np.testing.assert_array_equal(script.shifted(image, 0.5)[4:6], 50)
 
 
-def test_the_file_holds_every_method_and_is_the_one_in_the_package(script):
+def test_coefficient_file_holds_every_method(script):
     text = script.file_text(COEFFICIENTS)
     assert text == script.COEFFICIENTS_FILE.read_text()
     changed = {**COEFFICIENTS, 'study': script.by_name(np.arange(len(FEATURES)) - 0.00001)}
@@ -140,7 +140,7 @@ def test_the_file_holds_every_method_and_is_the_one_in_the_package(script):
     assert '-0.0,' not in script.file_text(changed)
 
 
-def test_recordings_in_tables_out(script, tmp_path, monkeypatch, capsys):
+def test_bags_in_tables_out(script, tmp_path, monkeypatch, capsys):
     few = {name: script.VARIATIONS[name] for name in ('as recorded', 'dark')}
     monkeypatch.setitem(script.names['main'].__globals__, 'VARIATIONS', few)
     copy = tmp_path / 'coefficients.py'
@@ -155,7 +155,7 @@ def test_recordings_in_tables_out(script, tmp_path, monkeypatch, capsys):
 
     output = capsys.readouterr()
     assert 'hybrid, 1 fitted scenes, with all variations' in output.out
-    assert 'hybrid, 1 reported scenes' in output.out
+    assert 'hybrid, 1 test scenes' in output.out
     assert output.out.count('| 0.9 to 1 |') == 4
     assert 'tune_broken' in output.err
     names = {}
@@ -166,8 +166,8 @@ def test_recordings_in_tables_out(script, tmp_path, monkeypatch, capsys):
     assert names['COEFFICIENTS']['study'] == COEFFICIENTS['study']
 
 
-def test_without_tuning_scenes_there_is_nothing_to_fit(script, tmp_path, capsys):
+def test_test_bags_alone_are_refused(script, tmp_path, capsys):
     with pytest.raises(SystemExit) as error:
         script.main([str(tmp_path / 'report_a')])
     assert error.value.code == 2
-    assert 'every recording is named report_ or drawn_' in capsys.readouterr().err
+    assert 'all bag names start with report_ or drawn_' in capsys.readouterr().err

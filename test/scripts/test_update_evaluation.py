@@ -1,4 +1,4 @@
-"""The script that remakes the figures of docs/evaluation.md."""
+"""The script that updates the evaluation pages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import update_evaluation
+from evaluation_blocks import (
+    PAGES,
+    SUMMARY_BLOCKS,
+    TABLE_BLOCKS,
+    by_condition,
+    clearance_table,
+    gain_table,
+    markdown,
+    worst_frames,
+)
+from evaluation_results import Results
 from studies.gravity_study import SceneGravity
+from update_evaluation import check_block, with_block
 
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.evaluation.causes import Cause
@@ -25,57 +38,49 @@ ROOT = Path(__file__).parents[2]
 BAG = ROOT / 'bags' / 'simulated_vga_moon'
 
 
-@pytest.fixture(autouse=True)
-def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / 'scripts'))
-
-
 @pytest.fixture
-def results() -> Iterator:
-    from evaluation_results import Results
-
+def results() -> Iterator[Results]:
     with Results([BAG], [], ['hybrid'], workers=1, drawn=[BAG]) as made:
         yield made
 
 
-def test_the_page_has_the_blocks_that_the_script_makes() -> None:
-    from evaluation_blocks import BLOCKS
-
-    page = (ROOT / 'docs' / 'evaluation.md').read_text(encoding='utf-8')
-    assert re.findall(r'<!-- begin (\S+) -->', page) == list(BLOCKS)
-    assert re.findall(r'<!-- end (\S+) -->', page) == list(BLOCKS)
+def empty_blocks(*names: str) -> str:
+    return ''.join(f'<!-- begin {name} -->\n<!-- end {name} -->\n' for name in names)
 
 
-def test_a_block_is_replaced_and_nothing_else() -> None:
-    from update_evaluation import check_blocks, with_block
+def test_pages_have_the_blocks_of_the_script() -> None:
+    for name, blocks in PAGES.items():
+        page = (ROOT / 'docs' / name).read_text(encoding='utf-8')
+        assert re.findall(r'<!-- begin (\S+) -->', page) == list(blocks)
+        assert re.findall(r'<!-- end (\S+) -->', page) == list(blocks)
 
-    page = 'before\n<!-- begin a -->\n\nold\n\n<!-- end a -->\nafter\n'
-    assert with_block(page, 'a', 'new\n') == page.replace('old', 'new\n').replace('\n\n\n', '\n\n')
-    check_blocks(page, ['a'])
+
+def test_block_is_replaced_and_nothing_else(tmp_path: Path) -> None:
+    text = 'before\n<!-- begin a -->\n\nold\n\n<!-- end a -->\nafter\n'
+    assert with_block(text, 'a', 'new\n') == text.replace('old', 'new\n').replace('\n\n\n', '\n\n')
+    page = tmp_path / 'page.md'
+    page.write_text(text)
+    check_block(page, 'a')
     with pytest.raises(SystemExit, match='no block b'):
-        check_blocks(page, ['a', 'b'])
+        check_block(page, 'b')
 
 
-def test_the_worst_frames_are_shown_with_their_causes(tmp_path: Path) -> None:
-    from evaluation_blocks import worst_frames
-
-    far = Fault('missed rock', 300, 21.0, Cause('outside the judged range', 'max_range is 20 m'))
+def test_worst_frames_are_listed_with_their_causes(tmp_path: Path) -> None:
+    far = Fault('missed rock', 300, 21.0, Cause('beyond the detection range', 'max_range 20 m'))
     figures = Figures(frames=1, true_positives=50, false_negatives=50, rocks=2, rocks_found=1)
     frame = FrameResult(0, figures, 0.2, 0.1, faults=(far,))
     (tmp_path / 'images').mkdir()
-    (tmp_path / 'images' / 'evaluation_worst_09.jpg').write_bytes(b'of another run')
+    (tmp_path / 'images' / 'evaluation_worst_09.jpg').write_bytes(b'old')
     pictures = tuple(Picture(method, 'one', frame, b'jpeg') for method in ('hybrid', 'study'))
     assert worst_frames(Evaluation(pictures=pictures), tmp_path) == (
         '1. one: IoU 0.50, 1 of 2 obstacles found\n\n'
-        '   - missed rock of 300 px at 21.0 m: outside the judged range (max_range is 20 m)\n\n'
+        '   - missed rock of 300 px at 21.0 m: beyond the detection range (max_range 20 m)\n\n'
         '   ![one](images/evaluation_worst_01.jpg)\n'
     )
     assert [path.name for path in (tmp_path / 'images').iterdir()] == ['evaluation_worst_01.jpg']
 
 
-def test_scenes_are_grouped_by_kind_and_condition() -> None:
-    from evaluation_blocks import by_condition
-
+def test_scenes_are_grouped_by_suite_and_condition() -> None:
     one, two = (SceneGravity(name, (name, 'rig vga'), ()) for name in ('moon', 'noon'))
     groups = by_condition({'report': [one, two], 'tune': []}.__getitem__)
     assert groups == {
@@ -86,28 +91,29 @@ def test_scenes_are_grouped_by_kind_and_condition() -> None:
     }
 
 
-def test_nothing_compared_is_a_dash() -> None:
-    from evaluation_blocks import clearance_table, gain_table, markdown
-
+def test_empty_table_is_a_dash() -> None:
     nothing = Evaluation(scenes=(SceneResult('hybrid', 'one', ('noon',), ()),))
     assert markdown(gain_table(nothing)) == '-\n'
     assert markdown(clearance_table(nothing)) == '-\n'
     assert markdown(None) == '-\n'
 
 
-def test_blocks_of_a_real_scene(results, tmp_path: Path) -> None:
-    from evaluation_blocks import BLOCKS
-
-    assert BLOCKS['reporting-scenes'](results, tmp_path).startswith('1 scenes, 1 frames')
-    assert '| hybrid | 0.' in BLOCKS['methods'](results, tmp_path)
-    assert BLOCKS['tuning'](results, tmp_path) == '-\n'
-    assert '| hybrid | 0.' in BLOCKS['drawn'](results, tmp_path)
-    assert BLOCKS['drawn-scenes'](results, tmp_path).count('| simulated_vga_moon |') == 1
-    assert BLOCKS['gravity-scenes'](results, tmp_path).count('| simulated_vga_moon |') == 1
-    assert '| rig vga | 1 |' in BLOCKS['disparity'](results, tmp_path)
-    assert '| all | ' in BLOCKS['reliability'](results, tmp_path)
-    assert '| hybrid | 0.' in BLOCKS['ablation'](results, tmp_path)
-    shown = BLOCKS['worst'](results, tmp_path)
+def test_blocks_of_a_real_scene(results: Results, tmp_path: Path) -> None:
+    assert TABLE_BLOCKS['reporting-scenes'](results, tmp_path).startswith('1 scenes, 1 frames')
+    assert '| hybrid | 0.' in TABLE_BLOCKS['methods'](results, tmp_path)
+    assert TABLE_BLOCKS['tuning'](results, tmp_path) == '-\n'
+    assert '| hybrid | 0.' in TABLE_BLOCKS['drawn'](results, tmp_path)
+    assert TABLE_BLOCKS['drawn-scenes'](results, tmp_path).count('| simulated_vga_moon |') == 1
+    assert TABLE_BLOCKS['gravity-scenes'](results, tmp_path).count('| simulated_vga_moon |') == 1
+    assert '| rig vga | 1 |' in TABLE_BLOCKS['disparity'](results, tmp_path)
+    assert '| all | ' in TABLE_BLOCKS['reliability'](results, tmp_path)
+    assert '| hybrid | 0.' in TABLE_BLOCKS['ablation'](results, tmp_path)
+    assert '| hybrid | 0.' in SUMMARY_BLOCKS['summary'](results, tmp_path)
+    suites = SUMMARY_BLOCKS['suites'](results, tmp_path)
+    assert re.findall(r'^\| (\w+) \| 1 \| 0\.', suites, re.M) == ['reporting', 'drawn']
+    assert '| outlines | -' in SUMMARY_BLOCKS['stages'](results, tmp_path)
+    assert '| missed rock | ' in SUMMARY_BLOCKS['failures'](results, tmp_path)
+    shown = TABLE_BLOCKS['worst'](results, tmp_path)
     assert '![simulated_vga_moon](images/evaluation_worst_01.jpg)' in shown
     assert (tmp_path / 'images' / 'evaluation_worst_01.jpg').stat().st_size > 1000
 
@@ -115,41 +121,36 @@ def test_blocks_of_a_real_scene(results, tmp_path: Path) -> None:
 def test_single_blocks_of_chosen_scenes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from update_evaluation import main
-
     bags = tmp_path / 'bags'
     bags.mkdir()
     for name in ('report_moon', 'report_other', 'tune_moon'):
         (bags / name).symlink_to(BAG)
-    page = tmp_path / 'page.md'
-    page.write_text(
-        '<!-- begin scenes -->\n<!-- end scenes -->\n<!-- begin causes -->\n<!-- end causes -->\n'
-    )
-    call = ['x', '--bags', str(bags), '--scenes', '*_moon', '--only', 'scenes', '--page']
-    monkeypatch.setattr(sys, 'argv', [*call, str(page)])
-    main()
-    text = page.read_text()
+    (tmp_path / 'evaluation_tables.md').write_text(empty_blocks('scenes', 'causes'))
+    (tmp_path / 'evaluation.md').write_text(empty_blocks('suites'))
+    call = ['x', '--bags', str(bags), '--scenes', '*_moon', '--only', 'scenes', 'suites', '--docs']
+    monkeypatch.setattr(sys, 'argv', [*call, str(tmp_path)])
+    update_evaluation.main()
+    assert '| reporting | 1 |' in (tmp_path / 'evaluation.md').read_text()
+    text = (tmp_path / 'evaluation_tables.md').read_text()
     assert text.count('simulated_vga_moon') == 1
     assert '<!-- begin causes -->\n<!-- end causes -->' in text
     assert 'hybrid, timed: 1 scenes' in capsys.readouterr().err
 
 
-def test_a_block_that_fails_does_not_hold_up_the_others(
+def test_failing_block_does_not_stop_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import update_evaluation
-
     def fail(results, folder):
         raise MissingExtraError('the pair needs scikit-image')
 
     blocks = {'broken': fail, 'whole': lambda results, folder: 'new\n'}
-    monkeypatch.setattr(update_evaluation, 'BLOCKS', blocks)
+    monkeypatch.setattr(update_evaluation, 'PAGES', {'page.md': blocks})
     page = tmp_path / 'page.md'
     marks = ''.join(f'<!-- begin {name} -->\nold\n<!-- end {name} -->\n' for name in blocks)
     page.write_text(marks)
     (tmp_path / 'bags').mkdir()
-    call = ['x', '--bags', str(tmp_path / 'bags'), '--method', 'hybrid', '--page', str(page)]
+    call = ['x', '--bags', str(tmp_path / 'bags'), '--method', 'hybrid', '--docs', str(tmp_path)]
     monkeypatch.setattr(sys, 'argv', call)
-    with pytest.raises(SystemExit, match='block broken stays as it was: the pair needs'):
+    with pytest.raises(SystemExit, match='block broken not updated: the pair needs'):
         update_evaluation.main()
     assert page.read_text() == marks.replace('old', '\nnew\n', 2).replace('\nnew\n', 'old', 1)
