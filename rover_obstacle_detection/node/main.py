@@ -31,17 +31,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         prog='obstacle_detector',
         description='ROS 2 node: rectified stereo pairs in, obstacle mask and clouds out.',
     )
-    add_ros_arguments(parser)
-    arguments = parser.parse_args(argv)
-    try:
-        return run_node(arguments.ros_args)
-    except ObstacleDetectionError as error:
-        print(f'obstacle_detector: error: {error}', file=sys.stderr)
-        return 1
-
-
-def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--ros-args``, which takes the rest of the command line."""
     parser.add_argument(
         '--ros-args',
         nargs=argparse.REMAINDER,
@@ -49,6 +38,12 @@ def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='...',
         help='ROS 2 arguments up to the end: -p NAME:=VALUE, -r FROM:=TO, --params-file YAML',
     )
+    arguments = parser.parse_args(argv)
+    try:
+        return run_node(arguments.ros_args)
+    except ObstacleDetectionError as error:
+        print(f'obstacle_detector: error: {error}', file=sys.stderr)
+        return 1
 
 
 def run_node(ros_arguments: Sequence[str]) -> int:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
@@ -54,7 +54,7 @@ class ObstacleDetector(LifecycleNode):
         super().__init__(NAME, **options)
         self._settings = declare_parameters(self)
         self.add_pre_set_parameters_callback(integers_to_floats)
-        self.add_on_set_parameters_callback(self._judge_change)
+        self.add_on_set_parameters_callback(partial(judge_change, self))
         self.add_post_set_parameters_callback(self._apply_change)
         logger = self.get_logger()
         self._warn = Throttle(logger.warning)
@@ -196,9 +196,6 @@ class ObstacleDetector(LifecycleNode):
     def _submit(self, pair: ImagePair) -> None:
         if self._worker is not None:
             self._worker.submit(pair)
-
-    def _judge_change(self, changes: list[Any]) -> SetParametersResult:
-        return judge_change(self, changes)
 
     def _apply_change(self, changes: list[Any]) -> None:
         if not concerns_settings(changes):
