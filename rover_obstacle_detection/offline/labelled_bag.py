@@ -30,7 +30,7 @@ LABELS = 'truth/labels'
 TEXT_TYPE = 'std_msgs/msg/String'
 POSE_TYPE = 'geometry_msgs/msg/PoseStamped'
 LABEL_VALUES = (FREE, ROCK, SLOPE, DROP, NOT_COUNTED)
-# A quaternion's squared norm must be near 1; all zeros means that no pose is known.
+# A rotation's quaternion has norm 1; anything else, such as all zeros, is not an orientation.
 SQUARED_NORM_LIMITS = (0.9, 1.1)
 
 

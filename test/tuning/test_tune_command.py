@@ -188,7 +188,7 @@ def test_help_lists_the_default_parameters() -> None:
     [
         (('--set', 'method=study'), 'name those of study with --parameter'),
         (('--memory', '1', '--folds', '4'), 'cannot be divided into 4 folds'),
-        (('--labels-topic', '/nowhere'), 'topic /nowhere is not there'),
+        (('--labels-topic', '/nowhere'), 'topic /nowhere is missing'),
     ],
 )
 def test_errors_are_one_line(
