@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import os
 from collections.abc import Callable
@@ -78,15 +79,10 @@ def render_bag(
 ) -> None:
     """Render a scene and write its labelled bag."""
     expected = scene.drive.frames * STEPS_PER_FRAME
-    done = 0
-
-    def step() -> None:
-        nonlocal done
-        done += 1
-        on_progress(done, expected)
-
+    done = itertools.count(1)
     on_progress(0, expected)
-    write_labelled_bag(path, scene, render(scene, step))
+    frames = render(scene, lambda: on_progress(next(done), expected))
+    write_labelled_bag(path, scene, frames)
 
 
 @lru_cache(maxsize=1)

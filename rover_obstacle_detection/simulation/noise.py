@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +54,8 @@ class Tile:
         padded = np.pad(self.values, ((1, 2), (1, 2)), mode='wrap').ravel()
         cosine, sine = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
         scale = size / self.period_m
-        for part in _chunks(x_flat.size):
+        for start in range(0, x_flat.size, _CHUNK):
+            part = slice(start, start + _CHUNK)
             column = (cosine * x_flat[part] + sine * y_flat[part]) * scale
             row = (cosine * y_flat[part] - sine * x_flat[part]) * scale
             whole_column, whole_row = np.floor(column), np.floor(row)
@@ -75,12 +75,8 @@ class Tile:
         return result.reshape(np.shape(x_m))
 
 
-def _chunks(size: int) -> Iterator[slice]:
-    for start in range(0, size, _CHUNK):
-        yield slice(start, min(start + _CHUNK, size))
-
-
 def _weights(fraction: Floats, cubic: bool) -> tuple[Floats, ...]:
+    """Return the weights of two (linear) or four (cubic B-spline) neighbouring samples."""
     if not cubic:
         return 1 - fraction, fraction
     rest = 1 - fraction

@@ -55,22 +55,20 @@ class CameraPose:
     def quaternion(self) -> tuple[float, float, float, float]:
         """The rotation as x, y, z, w."""
         m = self.rotation
-        # Normalise by the largest component to avoid dividing by a small one (Shepperd 1978).
-        squares = np.array(
+        (a, b, c), (xy, xz, yz) = m.diagonal(), (m + m.T)[[0, 0, 1], [1, 2, 2]]
+        wx, wy, wz = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+        # Each row is a multiple of the quaternion. The one with the largest diagonal element
+        # avoids dividing by a small number (Shepperd 1978).
+        rows = np.array(
             [
-                1 + m[0, 0] - m[1, 1] - m[2, 2],
-                1 - m[0, 0] + m[1, 1] - m[2, 2],
-                1 - m[0, 0] - m[1, 1] + m[2, 2],
-                1 + m[0, 0] + m[1, 1] + m[2, 2],
+                (1 + a - b - c, xy, xz, wx),
+                (xy, 1 - a + b - c, yz, wy),
+                (xz, yz, 1 - a - b + c, wz),
+                (wx, wy, wz, 1 + a + b + c),
             ]
         )
-        sums = {
-            0: (squares[0], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2]),
-            1: (m[0, 1] + m[1, 0], squares[1], m[1, 2] + m[2, 1], m[0, 2] - m[2, 0]),
-            2: (m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[2], m[1, 0] - m[0, 1]),
-            3: (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], squares[3]),
-        }[int(np.argmax(squares))]
-        x, y, z, w = (float(value) for value in np.array(sums) / np.linalg.norm(sums))
+        row = rows[np.argmax(rows.diagonal())]
+        x, y, z, w = (row / np.linalg.norm(row)).tolist()
         return (x, y, z, w) if w >= 0 else (-x, -y, -z, -w)
 
     def to_world(self, points: NDArray[np.floating]) -> NDArray[np.float64]:

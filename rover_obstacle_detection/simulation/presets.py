@@ -32,16 +32,13 @@ def _for_any_rig(**changes: Any) -> Callable[[Rig], Mapping[str, Any]]:
 
 
 def _slope(slope_deg: float) -> Callable[[Rig], Mapping[str, Any]]:
-    def changes(rig: Rig) -> Mapping[str, Any]:
-        return {
-            'terrain': {
-                'slope_deg': slope_deg,
-                'slope_start_m': round(max(0.9 * rig.view_distance_m, 0.9), 2),
-                'slope_length_m': 12.0,
-            }
+    return lambda rig: {
+        'terrain': {
+            'slope_deg': slope_deg,
+            'slope_start_m': round(max(0.9 * rig.view_distance_m, 0.9), 2),
+            'slope_length_m': 12.0,
         }
-
-    return changes
+    }
 
 
 def _crater(rig: Rig) -> Mapping[str, Any]:
@@ -62,15 +59,6 @@ def _crater(rig: Rig) -> Mapping[str, Any]:
         'rocks': {'placed': 5},
     }
 
-
-_PEBBLES = {
-    'cover': 0.15,
-    'largest_m': 0.08,
-    'pebble_cover': 0.14,
-    'placed': 14,
-    'placed_smallest_m': 0.05,
-    'placed_largest_m': 0.1,
-}
 
 PRESETS: Mapping[str, Preset] = {
     'noon': Preset('high sun, rocks on gentle relief', _for_any_rig()),
@@ -121,7 +109,19 @@ PRESETS: Mapping[str, Preset] = {
         'rocks on a third of the ground',
         _for_any_rig(rocks={'cover': 0.33, 'pebble_cover': 0.03, 'placed': 14}),
     ),
-    'pebbles': Preset('many pebbles, none an obstacle', _for_any_rig(rocks=_PEBBLES)),
+    'pebbles': Preset(
+        'many pebbles, none an obstacle',
+        _for_any_rig(
+            rocks={
+                'cover': 0.15,
+                'largest_m': 0.08,
+                'pebble_cover': 0.14,
+                'placed': 14,
+                'placed_smallest_m': 0.05,
+                'placed_largest_m': 0.1,
+            }
+        ),
+    ),
     'low_texture': Preset(
         'fine sand with almost no texture',
         _for_any_rig(

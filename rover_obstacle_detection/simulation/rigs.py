@@ -16,8 +16,6 @@ class Rig:
     ----------
     name : str
     description : str
-    width, height : int
-        Size of both images (px).
     horizontal_view_deg : float
         Horizontal field of view (deg). Pixels are square.
     baseline_m : float
@@ -25,18 +23,20 @@ class Rig:
         Angle of the optical axis below the horizon of a level rover.
     camera_height_m : float
         Height of the left camera above the ground.
+    width, height : int
+        Size of both images (px).
     colour : bool
         Whether images are rgb8 instead of mono8 or mono16.
     """
 
     name: str
     description: str
-    width: int
-    height: int
     horizontal_view_deg: float
     baseline_m: float
     pitch_deg: float
     camera_height_m: float
+    width: int = 1024
+    height: int = 768
     colour: bool = False
 
     @property
@@ -69,8 +69,6 @@ RIGS = {
         Rig(
             'study',
             'camera of the study: short baseline, steep pitch',
-            width=1024,
-            height=768,
             horizontal_view_deg=_STUDY_HORIZONTAL_DEG,
             baseline_m=0.06,
             pitch_deg=46.0,
@@ -80,8 +78,6 @@ RIGS = {
         Rig(
             'navcam',
             'mast camera: long baseline, high, far-looking',
-            width=1024,
-            height=768,
             horizontal_view_deg=45.0,
             baseline_m=0.24,
             pitch_deg=20.0,
@@ -90,8 +86,6 @@ RIGS = {
         Rig(
             'hazcam',
             'hazard camera: low on the body, wide field of view',
-            width=1024,
-            height=768,
             horizontal_view_deg=100.0,
             baseline_m=0.10,
             pitch_deg=30.0,

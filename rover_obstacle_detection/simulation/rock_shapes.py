@@ -132,7 +132,9 @@ class RockMaker:
             Width of each rock in the image; sets its mesh resolution.
         """
         levels = np.clip(np.ceil(np.log2(np.maximum(size_px, 1) / 4.0)) + 1, 1, _FINEST)
-        vertices, faces, colours, instance = [], [], [], []
+        # The empty arrays make the result valid without rocks.
+        vertices, colours = ([np.empty((0, 3), np.float32)] for _ in range(2))
+        faces, instance = [np.empty((0, 3), np.uint32)], [np.empty(0, np.int32)]
         count = 0
         for level in np.unique(levels).astype(int):
             sphere, triangles = icosphere(int(level))
@@ -148,13 +150,6 @@ class RockMaker:
                 faces.append((triangles[np.newaxis] + offsets[:, None, None]).reshape(-1, 3))
                 instance.append(np.repeat(rocks + 1, len(triangles)).astype(np.int32))
                 count += points.shape[0] * points.shape[1]
-        if not vertices:
-            return RockMesh(
-                np.empty((0, 3), np.float32),
-                np.empty((0, 3), np.uint32),
-                np.empty((0, 3), np.float32),
-                np.empty(0, np.int32),
-            )
         return RockMesh(
             np.concatenate(vertices),
             np.concatenate(faces).astype(np.uint32),

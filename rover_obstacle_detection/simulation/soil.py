@@ -26,16 +26,16 @@ class Palette:
     rocks: RockTones
 
 
-def _colours(*rows: tuple[float, float, float]) -> Floats:
-    return np.array(rows, np.float32)
+def _rgb(*values: float | tuple[float, float, float]) -> Floats:
+    return np.array(values, np.float32)
 
 
 PALETTES = {
     'mars': Palette(
-        soil=_colours((0.36, 0.225, 0.13))[0],
-        dark_soil=_colours((0.22, 0.155, 0.105))[0],
+        soil=_rgb(0.36, 0.225, 0.13),
+        dark_soil=_rgb(0.22, 0.155, 0.105),
         rocks=RockTones(
-            tones=_colours(
+            tones=_rgb(
                 (0.17, 0.14, 0.12),
                 (0.22, 0.18, 0.15),
                 (0.13, 0.115, 0.105),
@@ -43,21 +43,21 @@ PALETTES = {
                 (0.20, 0.185, 0.15),
                 (0.30, 0.25, 0.20),
             ),
-            dust=_colours((0.36, 0.235, 0.145))[0],
+            dust=_rgb(0.36, 0.235, 0.145),
             dust_strength=1.0,
         ),
     ),
     'moon': Palette(
-        soil=_colours((0.135, 0.13, 0.12))[0],
-        dark_soil=_colours((0.095, 0.092, 0.088))[0],
+        soil=_rgb(0.135, 0.13, 0.12),
+        dark_soil=_rgb(0.095, 0.092, 0.088),
         rocks=RockTones(
-            tones=_colours(
+            tones=_rgb(
                 (0.13, 0.127, 0.123),
                 (0.16, 0.155, 0.15),
                 (0.105, 0.104, 0.10),
                 (0.19, 0.187, 0.18),
             ),
-            dust=_colours((0.135, 0.13, 0.12))[0],
+            dust=_rgb(0.135, 0.13, 0.12),
             dust_strength=1.1,
         ),
     ),
