@@ -19,24 +19,17 @@ def _bag(path, **options):
     return write_stereo_bag(path, pairs=2, images=[PLAIN], **options)
 
 
-def _with_images(**fields):
-    def change(index, side, message):
-        for name, value in fields.items():
-            setattr(message, name, value)
-
-    return lambda path: _bag(path, change_image=change)
+def _short_rows(index, side, message):
+    message.step = 100
 
 
 def _with_infos(change):
     return lambda path: _bag(path, change_info=change)
 
 
-def _set_p(index, value, sides=('left', 'right')):
-    def change(side, info):
-        if side in sides:
-            info.p[index] = value
-
-    return change
+def _negative_baseline(side, info):
+    if side == 'right':
+        info.p[3] = 20.0
 
 
 def _missing(path):
@@ -46,23 +39,6 @@ def _missing(path):
 def _text(path):
     path = path.with_suffix('.mcap')
     path.write_text('no bag at all')
-    return path
-
-
-def _other_file(path):
-    path = path.with_suffix('.txt')
-    path.write_text('no bag at all')
-    return path
-
-
-def _zero_bytes(path):
-    path = path.with_suffix('.mcap')
-    path.touch()
-    return path
-
-
-def _empty_folder(path):
-    path.mkdir()
     return path
 
 
@@ -107,25 +83,18 @@ def _broken_jpeg(path):
     ('make', 'complaint'),
     [
         (_missing, r'recording: no such recording'),
-        (_text, r'recording\.mcap: '),
-        (_other_file, r'recording\.txt: is not a recording'),
-        (_zero_bytes, r'recording\.mcap: is empty \(0 bytes\)'),
-        (_empty_folder, r'recording: is not a recording'),
+        (_text, r'recording\.mcap: cannot be read'),
         (_truncated, r'recording\.mcap: cut short or damaged.*--salvage'),
         (_other_topics, r'no stereo topics.*/imu/data'),
         (lambda path: _bag(path, sides=('left',)), r'only left images'),
         (lambda path: _bag(path, infos=False), r'no calibration for /cam/left/image_rect'),
-        (_with_infos(_set_p(3, 0.0)), r'P\[3\].*baseline is'),
-        (_with_infos(_set_p(3, 20.0, ('right',))), r'baseline is -.*swapped'),
-        (_with_infos(_set_p(0, 0.0)), r'P\[0\] \(fx\) is 0'),
+        (_with_infos(_negative_baseline), r'baseline is -.*swapped'),
         (_smaller_right, r'/cam/right/image_rect is 320 x 200.*same size'),
         (
             _with_infos(lambda side, info: setattr(info, 'height', 120)),
             r'320 x 240.*is for 320 x 120',
         ),
-        (_with_images(step=100), r'/cam/left/image_rect: step is 100'),
-        (_with_images(height=999), r'/cam/left/image_rect: data has 76800 bytes'),
-        (_with_images(encoding='yuv999'), r"/cam/left/image_rect: encoding is 'yuv999'"),
+        (lambda path: _bag(path, change_image=_short_rows), r'/cam/left/image_rect: step is 100'),
         (_swapped, r'no usable pair: 2 left images .*are left and right swapped'),
         (_broken_jpeg, r'/cam/left/image_rect: data is'),
     ],
