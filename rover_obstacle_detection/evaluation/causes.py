@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import ROCK, SLOPE
+from rover_obstacle_detection.evaluation.methods.dense_stereo import height_above
 from rover_obstacle_detection.evaluation.surroundings import (
     Surroundings,
     median,
@@ -90,8 +90,8 @@ class FrameCauses:
         self._visible_in_both = visible_in_both(self._truth, frame.camera)
         self._true_points = reproject(np.nan_to_num(self._truth), frame.camera)
         plane = detection.ground
-        self._measured_m = _over(plane, detection.points)
-        self._true_m = _over(plane, self._true_points)
+        self._measured_m = height_above(plane, detection.points)
+        self._true_m = height_above(plane, self._true_points)
         self._around = Surroundings(
             self._true_points, self._true_m, frame.instances == 0, plane, frame.camera
         )
@@ -133,15 +133,15 @@ class FrameCauses:
         measured_m = top(self._detection.height[judged])
         ground_m = self._around.ground(inside)
         if ground_m is None:
-            said = f'{self._measured(measured_m)}, too little visible ground around it'
-            return Cause('measured too low', said)
+            detail = f'{self._measured(measured_m)}, too little visible ground around it'
+            return Cause('measured too low', detail)
         true_m = top((self._true_m - ground_m)[inside])
-        said = self._measured(measured_m, true_m)
+        detail = self._measured(measured_m, true_m)
         share = self._flagged_share(inside)
         if share >= SMALL_FLAGGED_SHARE:
-            return Cause('partly found', f'{_percent(share)} flagged, {said}')
+            return Cause('partly found', f'{_percent(share)} flagged, {detail}')
         if true_m < self._limit_m:
-            return Cause('low above the surrounding ground', said)
+            return Cause('low above the surrounding ground', detail)
         missing_m = true_m - measured_m
         ground_error_m = median((self._measured_m - self._detection.height - ground_m)[judged])
         matched_error_m = top(self._measured_m[judged]) - top(self._true_m[judged])
@@ -150,9 +150,9 @@ class FrameCauses:
             ('flattened by matching', -matched_error_m, 'top {} too low'),
         ):
             if error_m > max(MIN_DIFFERENCE_M, missing_m / 2):
-                return Cause(name, f'{words.format(_centimetres(error_m))}, {said}')
+                return Cause(name, f'{words.format(_centimetres(error_m))}, {detail}')
         name = 'just above the limit' if measured_m > self._limit_m else 'measured too low'
-        return Cause(name, said)
+        return Cause(name, detail)
 
     def _of_missed_area(self, inside: NDArray[np.bool_]) -> Cause:
         if (cause := self._not_judged(inside)) is not None:
@@ -167,9 +167,11 @@ class FrameCauses:
             true_up = up if self._frame.gravity is None else self._frame.gravity.up
             true_deg = slope_deg(self._true_points[inside], true_up)
             limit_deg = self._detection.config.max_slope
-            said = f'true {true_deg:.0f} degrees, measured {measured_deg:.0f}, limit {limit_deg:g}'
+            detail = (
+                f'true {true_deg:.0f} degrees, measured {measured_deg:.0f}, limit {limit_deg:g}'
+            )
             name = 'measured too flat' if measured_deg < limit_deg else 'partly found'
-            return Cause(name, f'{said}, {flagged}')
+            return Cause(name, f'{detail}, {flagged}')
         ground_m = self._around.ground(inside)
         if ground_m is None:
             return Cause('drop not recognised', flagged)
@@ -195,19 +197,19 @@ class FrameCauses:
             return Cause('vertical estimate off', f'{cue}, {tilt}')
         off_px = median((detection.disparity - self._truth)[matched])
         raised_m = median((self._measured_m - self._true_m)[matched])
-        said = f'{cue}, measured height {_centimetres(measured_m)}'
+        detail = f'{cue}, measured height {_centimetres(measured_m)}'
         if abs(off_px) >= MIN_OFF_PX or raised_m > max(MIN_DIFFERENCE_M, measured_m / 2):
             error = f'disparity off by {off_px:+.1f} px, height by {_centimetres(raised_m)}'
-            return Cause('false match', f'{error}, {said}, {self._looks(inside)}')
+            return Cause('false match', f'{error}, {detail}, {self._looks(inside)}')
         if ground_m is not None:
             error_m = median((self._measured_m - detection.height - ground_m)[judged])
             if -error_m > max(MIN_DIFFERENCE_M, measured_m / 3):
-                return Cause('ground estimated too low', f'by {_centimetres(-error_m)}, {said}')
+                return Cause('ground estimated too low', f'by {_centimetres(-error_m)}, {detail}')
         if self._touches_rock(inside):
-            return Cause('next to a rock', said)
+            return Cause('next to a rock', detail)
         tail_px = quantile(np.abs((detection.disparity - self._truth)[matched]), TAIL_SHARE)
         error = f'disparity off by {off_px:+.1f} px, 10 % of it by over {tail_px:.1f} px'
-        return Cause('noise', f'{error}, {said}, {self._looks(inside)}')
+        return Cause('noise', f'{error}, {detail}, {self._looks(inside)}')
 
     @cached_property
     def _judged(self) -> NDArray[np.bool_]:
@@ -220,10 +222,10 @@ class FrameCauses:
             return None
         matched = float((inside & (self._detection.disparity > 0)).sum() / pixels)
         if matched < MIN_SHARE:
-            said = f'{_percent(matched)} of its pixels have a disparity'
+            detail = f'{_percent(matched)} of its pixels have a disparity'
             if (inside & ~self._visible_in_both).sum() >= MIN_SHARE * pixels:
-                return Cause('not visible in the right image', said)
-            return Cause('not matched', f'{said}, {self._looks(inside)}')
+                return Cause('not visible in the right image', detail)
+            return Cause('not matched', f'{detail}, {self._looks(inside)}')
         max_range_m = self._detection.config.max_range
         if median(self._depth_m[inside]) > max_range_m:
             return Cause('beyond the detection range', f'max_range {max_range_m:g} m')
@@ -231,8 +233,8 @@ class FrameCauses:
         return Cause('beyond the detection range', f'height noise {_centimetres(noise_m)}')
 
     def _measured(self, measured_m: float, true_m: float | None = None) -> str:
-        said = f'measured {_centimetres(measured_m)}, limit {_centimetres(self._limit_m)}'
-        return said if true_m is None else f'true height {_centimetres(true_m)}, {said}'
+        detail = f'measured {_centimetres(measured_m)}, limit {_centimetres(self._limit_m)}'
+        return detail if true_m is None else f'true height {_centimetres(true_m)}, {detail}'
 
     def _flagged_share(self, inside: NDArray[np.bool_]) -> float:
         return float(np.mean(self._detection.mask[inside] != 0))
@@ -263,12 +265,6 @@ class FrameCauses:
         kernel = np.ones((2 * BESIDE_PX + 1, 2 * BESIDE_PX + 1), np.uint8)
         grown = cv2.dilate(inside[near].astype(np.uint8), kernel) != 0
         return bool(np.any(self._frame.labels[near][grown] == ROCK))
-
-
-def _over(plane: GroundPlane, points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Height of points above a plane, metres; NaN where there is no point."""
-    normal = np.asarray(plane.normal, np.float32)
-    return np.asarray(points @ normal + np.float32(plane.height_m), np.float32)
 
 
 def _centimetres(value_m: float) -> str:

@@ -55,6 +55,8 @@ DEFINITIONS = (
     'least 2,000. It is found if at least half of it is flagged. A false alarm is a connected '
     'flagged blob of at least 100 counted pixels, of which less than a tenth lies on obstacles '
     'or uncounted pixels. False alarms are given per frame.',
+    'Found: obstacles found out of all. Called free: share of the obstacle pixels that a method '
+    'reports as known and does not flag; a dash for methods that do not report what is known.',
     'Times are medians over the frames of a scene, averaged over scenes. x SGBM is the ratio to '
     'one plain StereoSGBM call (3WAY, 64 disparities, block 5, P1 300, P2 1200) on the same pair '
     'in the same run. A dash marks an undefined ratio.',
