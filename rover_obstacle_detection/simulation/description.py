@@ -60,29 +60,21 @@ class Crater(_Checked):
 class TerrainParameters(_Checked):
     """Shape of the ground without rocks."""
 
-    relief_m: float = _parameter(
-        0.022, 'RMS height of relief with wavelengths of 1 to 12 m (m).', 0.0, 1.0
-    )
-    roughness_m: float = _parameter(
-        0.005, 'RMS height of relief with wavelengths of 0.1 to 1.2 m (m).', 0.0, 0.1
-    )
-    clods_m: float = _parameter(
-        0.0025, 'RMS height of clods a few centimetres wide (m).', 0.0, 0.02
-    )
+    relief_m: float = _parameter(0.022, 'RMS relief, wavelengths 1 to 12 m (m).', 0.0, 1.0)
+    roughness_m: float = _parameter(0.005, 'RMS relief, wavelengths 0.1 to 1.2 m (m).', 0.0, 0.1)
+    clods_m: float = _parameter(0.0025, 'RMS height of clods, a few cm wide (m).', 0.0, 0.02)
     hills_m: float = _parameter(4.0, 'RMS height of hills, from 25 m away (m).', 0.0, 50.0)
     slope_deg: float = _parameter(
-        0.0, 'Slope of a ramp ahead; positive is uphill (deg).', -45.0, 45.0
+        0.0, 'Slope of a ramp ahead; uphill positive (deg).', -45.0, 45.0
     )
     slope_start_m: float = _parameter(1.0, 'Distance to the foot of the ramp (m).', -100.0, 100.0)
     slope_length_m: float = _parameter(8.0, 'Length of the ramp (m).', 0.5, 100.0)
     slope_turn_deg: float = _parameter(
-        0.0, 'Direction of the ramp: 0 ahead, 90 left (deg).', -180.0, 180.0
+        0.0, 'Ramp direction: 0 ahead, 90 left (deg).', -180.0, 180.0
     )
-    dune_height_m: float = _parameter(0.0, 'Height of dunes from trough to crest (m).', 0.0, 5.0)
+    dune_height_m: float = _parameter(0.0, 'Height of dunes, trough to crest (m).', 0.0, 5.0)
     dune_length_m: float = _parameter(6.0, 'Distance between dune crests (m).', 0.5, 100.0)
-    ripple_height_m: float = _parameter(
-        0.0, 'Height of wind ripples from trough to crest (m).', 0.0, 0.2
-    )
+    ripple_height_m: float = _parameter(0.0, 'Height of ripples, trough to crest (m).', 0.0, 0.2)
     ripple_length_m: float = _parameter(0.3, 'Distance between ripple crests (m).', 0.05, 5.0)
     craters: tuple[Crater, ...] = ()
 
@@ -95,7 +87,7 @@ class RockParameters(_Checked):
     smallest_m: float = _parameter(0.012, 'Smallest diameter (m).', 0.004, 1.0)
     largest_m: float = _parameter(0.7, 'Largest diameter (m).', 0.01, 5.0)
     pebble_cover: float = _parameter(
-        0.0, 'Fraction of the ground covered by extra pebbles of 1 to 5 cm.', 0.0, 0.6
+        0.0, 'Fraction of the ground covered by pebbles of 1 to 5 cm.', 0.0, 0.6
     )
     placed: int = _parameter(7, 'Extra rocks placed in the first view.', 0, 200)
     placed_smallest_m: float = _parameter(
@@ -109,12 +101,8 @@ class SoilParameters(_Checked):
     """Appearance of ground and rocks."""
 
     world: str = _parameter('mars', 'Colours of soil, rocks and sky.', choices=('mars', 'moon'))
-    contrast: float = _parameter(
-        1.0, 'Strength of the soil texture: 1 strong, 0.1 almost none.', 0.0, 2.0
-    )
-    grain_m: float = _parameter(
-        0.0006, 'RMS height of the grain, used for shading only (m).', 0.0, 0.005
-    )
+    contrast: float = _parameter(1.0, 'Soil texture: 1 strong, 0.1 almost none.', 0.0, 2.0)
+    grain_m: float = _parameter(0.0006, 'RMS height of grain, for shading only (m).', 0.0, 0.005)
 
 
 @dataclass(frozen=True)
@@ -122,7 +110,7 @@ class LightParameters(_Checked):
     """Sun and sky."""
 
     sun_elevation_deg: float = _parameter(
-        55.0, 'Elevation of the sun above the horizon (deg).', 2.0, 90.0
+        55.0, 'Sun elevation above the horizon (deg).', 2.0, 90.0
     )
     sun_azimuth_deg: float = _parameter(
         70.0,
@@ -137,7 +125,7 @@ class LightParameters(_Checked):
         5.0,
     )
     haze_m: float = _parameter(
-        900.0, 'Distance at which haze reduces contrast to about one third (m).', 10.0, 1e6
+        900.0, 'Distance at which haze cuts contrast to 1/e (m).', 10.0, 1e6
     )
 
 
@@ -153,21 +141,13 @@ class SensorParameters(_Checked):
     )
     vignetting: float = _parameter(0.25, 'Fraction of light lost in the image corners.', 0.0, 1.0)
     exposure: float = _parameter(1.0, 'Exposure relative to the automatic exposure.', 0.01, 20.0)
-    right_gain: float = _parameter(
-        1.0, 'Exposure of the right camera relative to the left.', 0.1, 10.0
-    )
-    full_well: float = _parameter(
-        12000.0, 'Electrons at full scale; sets the shot noise.', 50.0, 1e6
-    )
+    right_gain: float = _parameter(1.0, 'Exposure of the right image over the left.', 0.1, 10.0)
+    full_well: float = _parameter(12000.0, 'Electrons at full scale, for shot noise.', 50.0, 1e6)
     read_noise: float = _parameter(10.0, 'Read noise (electrons).', 0.0, 1000.0)
-    glare: float = _parameter(
-        0.0, 'Stray light in the lens, as a fraction of the mean light.', 0.0, 2.0
-    )
+    glare: float = _parameter(0.0, 'Stray light, as a fraction of the mean light.', 0.0, 2.0)
     dust_spots: int = _parameter(0, 'Dust spots on each lens.', 0, 500)
     row_error_px: float = _parameter(0.0, 'Upward offset of the right image (px).', -5.0, 5.0)
-    roll_error_deg: float = _parameter(
-        0.0, 'Roll of the right image about its centre (deg).', -2.0, 2.0
-    )
+    roll_error_deg: float = _parameter(0.0, 'Roll of the right image (deg).', -2.0, 2.0)
     samples: int = _parameter(16, 'Light paths per pixel, a square number.', 1, 1024)
 
 
@@ -185,18 +165,12 @@ class DriveParameters(_Checked):
 class TruthParameters(_Checked):
     """Limits that define an obstacle in the labels."""
 
-    clearance_m: float = _parameter(
-        0.10, 'Rocks taller than this above the local ground are obstacles (m).', 0.01, 2.0
-    )
-    slope_limit_deg: float = _parameter(
-        20.0, 'Ground steeper than this is an obstacle (deg).', 1.0, 60.0
-    )
+    clearance_m: float = _parameter(0.10, 'Rocks higher than this are obstacles (m).', 0.01, 2.0)
+    slope_limit_deg: float = _parameter(20.0, 'Steeper ground is an obstacle (deg).', 1.0, 60.0)
     drop_m: float = _parameter(
-        0.10, 'Ground lower than its surroundings by more than this is an obstacle (m).', 0.01, 2.0
+        0.10, 'Ground this far below its surroundings is an obstacle (m).', 0.01, 2.0
     )
-    range_m: float = _parameter(
-        40.0, 'Greatest labelled depth along the optical axis (m).', 1.0, 200.0
-    )
+    range_m: float = _parameter(40.0, 'Greatest labelled depth (m).', 1.0, 200.0)
 
 
 @dataclass(frozen=True)
@@ -207,16 +181,14 @@ class Scene(_Checked):
     seed: int = _parameter(1, 'Random seed.', 0, 2**31 - 1)
     conditions: tuple[str, ...] = ()
     rig: str = _parameter('study', 'Stereo camera.', choices=tuple(RIGS))
-    width: int = _parameter(0, 'Image width (px); 0: that of the rig.', 0, 4096)
-    pitch_deg: float = _parameter(
-        0.0, 'Angle of the optical axis below the horizon (deg); 0: that of the rig.', 0.0, 89.0
-    )
+    width: int = _parameter(0, 'Image width (px); 0: as the rig.', 0, 4096)
+    pitch_deg: float = _parameter(0.0, 'Pitch below the horizon (deg); 0: as the rig.', 0.0, 89.0)
     camera_height_m: float = _parameter(
-        0.0, 'Height of the left camera above the ground (m); 0: that of the rig.', 0.0, 10.0
+        0.0, 'Height of the left camera (m); 0: as the rig.', 0.0, 10.0
     )
-    baseline_m: float = _parameter(0.0, 'Baseline (m); 0: that of the rig.', 0.0, 2.0)
+    baseline_m: float = _parameter(0.0, 'Baseline (m); 0: as the rig.', 0.0, 2.0)
     horizontal_view_deg: float = _parameter(
-        0.0, 'Horizontal field of view (deg); 0: that of the rig.', 0.0, 150.0
+        0.0, 'Horizontal field of view (deg); 0: as the rig.', 0.0, 150.0
     )
     terrain: TerrainParameters = TerrainParameters()
     rocks: RockParameters = RockParameters()

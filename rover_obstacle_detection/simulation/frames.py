@@ -108,7 +108,7 @@ class SceneWorld:
             surrounding_mesh(pose, self.terrain.height, float(first_row.min())),
             rocks,
             self.light,
-            tuple(float(v) for v in self.palette.soil),  # type: ignore[arg-type]
+            self.palette.soil,
         )
 
     def label(self, hits: Hits, pose: CameraPose, rocks: RockMesh) -> NDArray[np.uint8]:

@@ -109,7 +109,7 @@ class Renderer:
         Coarse ground outside the view.
     rocks : RockMesh
     light : Light
-    plain_soil : tuple of float
+    plain_soil : ndarray of float32, shape (3,)
         Linear RGB reflectance of the surroundings.
 
     Raises
@@ -125,7 +125,7 @@ class Renderer:
         surroundings: GroundMesh,
         rocks: RockMesh,
         light: Light,
-        plain_soil: tuple[float, float, float],
+        plain_soil: Floats,
     ) -> None:
         self._mitsuba = mi = load_mitsuba()
         self._drjit = importlib.import_module('drjit')
@@ -136,7 +136,7 @@ class Renderer:
             'surroundings': self._ground_mesh(
                 'surroundings',
                 surroundings,
-                {'type': 'diffuse', 'reflectance': {'type': 'rgb', 'value': list(plain_soil)}},
+                {'type': 'diffuse', 'reflectance': {'type': 'rgb', 'value': plain_soil.tolist()}},
             ),
             **self._lights(light),
         }
