@@ -41,6 +41,9 @@ from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
 
 # Best cross-validated Brier score of 0.1, 1, 3, 10, 30 and 100; from 0.1 to 30 it hardly matters.
 RIDGE = 10.0
+# Newton's method: limits on steps, and the change of weights that counts as converged.
+MAX_STEPS = 100
+CONVERGED = 1e-9
 COEFFICIENTS_FILE = Path(str(confidence_coefficients.__file__))
 
 Image = NDArray[Any]
@@ -223,13 +226,13 @@ def reweighted_least_squares(features: Floats, real: NDArray[np.bool_], ridge: f
     penalty = np.full(features.shape[1], ridge)
     penalty[0] = 0
     weights = np.zeros(features.shape[1])
-    for _ in range(100):
+    for _ in range(MAX_STEPS):
         probability = logistic(features @ weights)
         curvature = (features.T * (probability * (1 - probability))) @ features
         gradient = features.T @ (real - probability) - penalty * weights
         step = np.linalg.solve(curvature + np.diag(penalty + 1e-9), gradient)
         weights = weights + step
-        if np.abs(step).max() < 1e-9:
+        if np.abs(step).max() < CONVERGED:
             break
     return np.asarray(weights)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
-from evaluation_results import CONFIG, DRAWN, OWN, REPORT, TUNE, Results
+from evaluation_results import CONFIG, DRAWN, DRAWN_METHODS, OWN, REPORT, SAMPLE, TUNE, Results
 from studies.disparity_study import pair_table, scenes_table
 from studies.fault_tables import ablation_table, causes_table, losses_table
 from studies.gravity_study import gravity_scene_table, gravity_table
@@ -114,7 +114,7 @@ def by_condition(of: Callable[[str], Sequence[S]]) -> Mapping[str, Sequence[S]]:
     """Group scenes by suite, and the reporting scenes also by condition."""
     reporting = of(REPORT)
     groups: dict[str, Sequence[S]] = {
-        f'all {SUITE_NAMES[kind]} scenes': of(kind) for kind in (REPORT, TUNE)
+        f'all {SUITE_NAMES[suite]} scenes': of(suite) for suite in (REPORT, TUNE)
     }
     for condition in sorted({name for scene in reporting for name in scene.conditions}):
         groups[condition] = [scene for scene in reporting if condition in scene.conditions]
@@ -129,17 +129,13 @@ def reliability(results: Results) -> Table:
 
 def suites(results: Results) -> Suites:
     """Results of the hybrid by suite."""
-    evaluations = results.timed(OWN), results.tuned(OWN), results.drawn(OWN)
-    return {
-        name: evaluation.of(OWN)
-        for name, evaluation in zip(SUITE_NAMES.values(), evaluations, strict=True)
-    }
+    return {name: results.of(suite, OWN).of(OWN) for suite, name in SUITE_NAMES.items()}
 
 
 def stages(results: Results) -> Table:
     """Tabulate the stages that matter most."""
-    kinds = (REPORT, TUNE)
-    return stages_table({SUITE_NAMES[kind]: results.ablation(kind) for kind in kinds}, OWN)
+    ablations = {SUITE_NAMES[suite]: results.ablation(suite) for suite in (REPORT, TUNE)}
+    return stages_table(ablations, OWN)
 
 
 def descriptions(results: Results) -> Table:
@@ -150,7 +146,7 @@ def descriptions(results: Results) -> Table:
 
 def terrain(results: Results) -> Table | None:
     """Tabulate roughness and step of the methods that measure them."""
-    evaluation = results.timed(*results.installed(OWN, 'study'))
+    evaluation = results.of(REPORT, *results.installed(OWN, 'study'))
     return distribution_table(evaluation, CONFIG.study_max_roughness, CONFIG.study_max_step)
 
 
@@ -163,7 +159,7 @@ def tabulated(make: Callable[[Results], Table | None]) -> Block:
 
 
 SUMMARY_BLOCKS: dict[str, Block] = {
-    'summary': tabulated(lambda results: summary_table(results.timed(*results.methods))),
+    'summary': tabulated(lambda results: summary_table(results.of(REPORT, *results.methods))),
     'suites': tabulated(lambda results: suites_table(suites(results))),
     'stages': tabulated(stages),
     'failures': tabulated(lambda results: failures_table(suites(results))),
@@ -171,22 +167,24 @@ SUMMARY_BLOCKS: dict[str, Block] = {
 
 TABLE_BLOCKS: dict[str, Block] = {
     'descriptions': tabulated(descriptions),
-    'reporting-scenes': lambda results, folder: scene_list(results.timed(OWN)),
-    'methods': tabulated(lambda results: method_table(results.timed(*results.methods))),
-    'conditions': tabulated(lambda results: condition_table(results.timed(OWN), OWN)),
-    'condition-ious': tabulated(lambda results: condition_ious(results.timed(*results.methods))),
+    'reporting-scenes': lambda results, folder: scene_list(results.of(REPORT, OWN)),
+    'methods': tabulated(lambda results: method_table(results.of(REPORT, *results.methods))),
+    'conditions': tabulated(lambda results: condition_table(results.of(REPORT, OWN), OWN)),
+    'condition-ious': tabulated(
+        lambda results: condition_ious(results.of(REPORT, *results.methods))
+    ),
     'condition-obstacles': tabulated(
-        lambda results: condition_obstacles(results.timed(*results.methods))
+        lambda results: condition_obstacles(results.of(REPORT, *results.methods))
     ),
     'gains': tabulated(
         lambda results: gain_table(
-            results.timed(*results.installed(OWN, 'image_only', 'depth_only'))
+            results.of(REPORT, *results.installed(OWN, 'image_only', 'depth_only'))
         )
     ),
-    'scenes': tabulated(lambda results: scene_table(results.timed(OWN), OWN)),
-    'losses': tabulated(lambda results: losses_table(results.timed(OWN), OWN)),
-    'causes': tabulated(lambda results: causes_table(results.timed(OWN), OWN)),
-    'ranges': tabulated(lambda results: range_table(results.timed(OWN), OWN)),
+    'scenes': tabulated(lambda results: scene_table(results.of(REPORT, OWN), OWN)),
+    'losses': tabulated(lambda results: losses_table(results.of(REPORT, OWN), OWN)),
+    'causes': tabulated(lambda results: causes_table(results.of(REPORT, OWN), OWN)),
+    'ranges': tabulated(lambda results: range_table(results.of(REPORT, OWN), OWN)),
     'clearance': tabulated(lambda results: clearance_table(results.curves)),
     'ablation': tabulated(lambda results: ablation_table(results.ablation(REPORT), OWN)),
     'ablation-tuning': tabulated(lambda results: ablation_table(results.ablation(TUNE), OWN)),
@@ -198,20 +196,22 @@ TABLE_BLOCKS: dict[str, Block] = {
     'motorcycle': tabulated(lambda results: pair_table(results.motorcycle)),
     'terrain': tabulated(terrain),
     'drawn': tabulated(
-        lambda results: method_table(results.drawn(*results.drawn_methods), with_times=False)
+        lambda results: method_table(
+            results.of(DRAWN, *results.installed(*DRAWN_METHODS)), with_times=False
+        )
     ),
     'drawn-scenes': tabulated(
-        lambda results: scene_table(results.drawn(OWN), OWN, with_times=False)
+        lambda results: scene_table(results.of(DRAWN, OWN), OWN, with_times=False)
     ),
-    'drawn-causes': tabulated(lambda results: causes_table(results.drawn(OWN), OWN)),
-    'tuning-scenes': lambda results, folder: scene_list(results.tuned(OWN)),
+    'drawn-causes': tabulated(lambda results: causes_table(results.of(DRAWN, OWN), OWN)),
+    'tuning-scenes': lambda results, folder: scene_list(results.of(TUNE, OWN)),
     'tuning': tabulated(
-        lambda results: method_table(results.tuned(*results.methods), with_times=False)
+        lambda results: method_table(results.of(TUNE, *results.methods), with_times=False)
     ),
-    'tuning-losses': tabulated(lambda results: losses_table(results.tuned(OWN), OWN)),
-    'tuning-causes': tabulated(lambda results: causes_table(results.tuned(OWN), OWN)),
-    'sample': tabulated(lambda results: method_table(results.sample(*results.methods))),
-    'worst': lambda results, folder: worst_frames(results.timed(OWN), folder),
+    'tuning-losses': tabulated(lambda results: losses_table(results.of(TUNE, OWN), OWN)),
+    'tuning-causes': tabulated(lambda results: causes_table(results.of(TUNE, OWN), OWN)),
+    'sample': tabulated(lambda results: method_table(results.of(SAMPLE, *results.methods))),
+    'worst': lambda results, folder: worst_frames(results.of(REPORT, OWN), folder),
 }
 
 PAGES: dict[str, dict[str, Block]] = {

@@ -28,14 +28,16 @@ from studies.scene_studies import (
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.evaluation.methods.ablation import ablated_methods
+from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 from rover_obstacle_detection.evaluation.methods.registry import USE_CLEARANCE
 from rover_obstacle_detection.evaluation.results import Evaluation, merged
 from rover_obstacle_detection.evaluation.runner import RunOptions
 
-SAMPLE = Path(__file__).resolve().parent.parent / 'bags' / 'mars_yard'
+SAMPLE_BAG = Path(__file__).resolve().parent.parent / 'bags' / 'mars_yard'
 OWN = 'hybrid'
 WORST_PICTURES = 10
-REPORT, TUNE, DRAWN = 'report', 'tune', 'drawn'
+REPORT, TUNE, DRAWN, SAMPLE = 'report', 'tune', 'drawn', 'sample'
+TIMED = (REPORT, SAMPLE)
 # The clearance curve and the drawn scenes skip the methods that take seconds a frame.
 CURVED = tuple(method for method in USE_CLEARANCE if method != 'wang')
 DRAWN_METHODS = ('hybrid', 'study', 'image_only', 'depth_only', 'patchwork')
@@ -67,7 +69,7 @@ class Results:
         workers: int,
         drawn: Sequence[Path] = (),
     ) -> None:
-        self._bags = {REPORT: reporting, TUNE: tuning, DRAWN: drawn}
+        self._bags = {REPORT: reporting, TUNE: tuning, DRAWN: drawn, SAMPLE: [SAMPLE_BAG]}
         self.methods = methods
         # OpenCV's threads do not survive a fork; with one thread each, workers do not compete.
         self._pool = ProcessPoolExecutor(
@@ -84,30 +86,13 @@ class Results:
         """Select the methods that are compared."""
         return [name for name in names if name in self.methods]
 
-    @property
-    def drawn_methods(self) -> list[str]:
-        """Methods to compare on the drawn scenes."""
-        return self.installed(*DRAWN_METHODS)
+    def of(self, suite: str, *methods: str) -> Evaluation:
+        """Run methods on a suite; times only count for `TIMED` suites."""
+        return side_by_side([self._of(suite, method) for method in methods])
 
-    def timed(self, *methods: str) -> Evaluation:
-        """Run methods on the reporting scenes, one at a time in this process."""
-        return side_by_side([self._timed(method) for method in methods])
-
-    def sample(self, *methods: str) -> Evaluation:
-        """Run methods on the recorded sample bag, one at a time in this process."""
-        return side_by_side([self._sample(method) for method in methods])
-
-    def tuned(self, *methods: str) -> Evaluation:
-        """Run methods on the tuning scenes; ignore the times."""
-        return side_by_side([self._untimed(TUNE, method) for method in methods])
-
-    def drawn(self, *methods: str) -> Evaluation:
-        """Run methods on the drawn scenes; ignore the times."""
-        return side_by_side([self._untimed(DRAWN, method) for method in methods])
-
-    def ablation(self, kind: str) -> Evaluation:
+    def ablation(self, suite: str) -> Evaluation:
         """Run the hybrid with and without each stage; ignore the times."""
-        return side_by_side([self._untimed(kind, method) for method in ablated_methods()])
+        return self.of(suite, *ablated_methods())
 
     @cached_property
     def curves(self) -> Evaluation:
@@ -124,25 +109,25 @@ class Results:
         return side_by_side([merged(part, 0) for part in parts])
 
     @functools.cache  # noqa: B019
-    def gravity(self, kind: str) -> list[SceneGravity]:
+    def gravity(self, suite: str) -> list[SceneGravity]:
         """Compare known with estimated gravity."""
-        return self._shared('gravity', study_gravity, self._bags[kind], CONFIG)
+        return self._shared('gravity', study_gravity, self._bags[suite], CONFIG)
 
     @functools.cache  # noqa: B019
-    def disparity(self, kind: str) -> list[SceneDisparity]:
+    def disparity(self, suite: str) -> list[SceneDisparity]:
         """Measure the errors of the disparity."""
-        return self._shared('disparity', study_disparity, self._bags[kind], CONFIG)
+        return self._shared('disparity', study_disparity, self._bags[suite], CONFIG)
 
     @functools.cache  # noqa: B019
-    def lenses(self, kind: str) -> list[SceneLenses]:
+    def lenses(self, suite: str) -> list[SceneLenses]:
         """Add residual lens distortion to each frame."""
-        frames = self._shared('lens distortion', study_lenses, self._bags[kind], CONFIG)
+        frames = self._shared('lens distortion', study_lenses, self._bags[suite], CONFIG)
         return [frame for scene in frames for frame in scene]
 
     @functools.cache  # noqa: B019
-    def reliability(self, kind: str) -> list[JudgedObstacles]:
+    def reliability(self, suite: str) -> list[JudgedObstacles]:
         """Check which detected obstacles are real."""
-        return self._shared('reliability', study_reliability, self._bags[kind], CONFIG)
+        return self._shared('reliability', study_reliability, self._bags[suite], CONFIG)
 
     @cached_property
     def motorcycle(self) -> Errors:
@@ -150,21 +135,18 @@ class Results:
         return pair_errors(load_motorcycle(), CONFIG)
 
     @functools.cache  # noqa: B019
-    def _timed(self, method: str) -> Evaluation:
-        pictures = WORST_PICTURES if method == OWN else 0
-        options = RunOptions([method], CONFIG, worst_pictures=pictures)
-        return evaluate_here(f'{method}, timed', self._bags[REPORT], options)
-
-    @functools.cache  # noqa: B019
-    def _sample(self, method: str) -> Evaluation:
-        return evaluate_here(method, [SAMPLE], RunOptions([method], CONFIG))
-
-    @functools.cache  # noqa: B019
-    def _untimed(self, kind: str, method: str) -> Evaluation:
+    def _of(self, suite: str, method: str) -> Evaluation:
         # Faults are only analysed when pictures are kept.
-        pictures = 1 if method == OWN else 0
-        options = RunOptions([method], CONFIG, repeat=1, worst_pictures=pictures)
-        return merged(self._shared(method, evaluate_scene, self._bags[kind], options), 0)
+        pictures = WORST_PICTURES if method == OWN else 0
+        bags = self._bags[suite]
+        if suite not in TIMED or method not in METHOD_DESCRIPTIONS:
+            options = RunOptions([method], CONFIG, repeat=1, worst_pictures=pictures)
+            return merged(self._shared(method, evaluate_scene, bags, options), pictures)
+        started = time.monotonic()
+        options = RunOptions([method], CONFIG, worst_pictures=pictures)
+        parts = [evaluate_scene(bag, options) for bag in bags]
+        report_progress(f'{method}, timed', len(bags), started)
+        return merged(parts, pictures)
 
     def _shared(
         self, what: str, study: Callable[[Path, Any], T], bags: Sequence[Path], options: Any
@@ -175,14 +157,6 @@ class Results:
         done = [future.result() for future in futures]
         report_progress(what, len(bags), started)
         return done
-
-
-def evaluate_here(what: str, bags: Sequence[Path], options: RunOptions) -> Evaluation:
-    """Run methods on bags in this process."""
-    started = time.monotonic()
-    parts = [evaluate_scene(bag, options) for bag in bags]
-    report_progress(what, len(bags), started)
-    return merged(parts, options.worst_pictures)
 
 
 def side_by_side(evaluations: Sequence[Evaluation]) -> Evaluation:

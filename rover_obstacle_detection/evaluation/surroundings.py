@@ -14,6 +14,10 @@ from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 REACH_M = 0.35
 # Parts wider than this are treated as this wide, so that the ground stays local.
 MAX_RADIUS_M = 1.0
+# Share of a part's points within its radius; the rest are often mismatches.
+RADIUS_SHARE = 0.9
+# Least margin of the window around a part, pixels.
+MIN_MARGIN_PX = 8
 # Fewest ground pixels that give a plane, and most that are fitted.
 MIN_PIXELS = 30
 MAX_PIXELS = 20_000
@@ -75,7 +79,7 @@ class Surroundings:
             return None
         places = self._places[window]
         centre = np.median(places[part], axis=0)
-        radius_m = float(np.quantile(np.linalg.norm(places[part] - centre, axis=-1), 0.9))
+        radius_m = float(np.quantile(np.linalg.norm(places[part] - centre, axis=-1), RADIUS_SHARE))
         with np.errstate(invalid='ignore'):
             near = np.linalg.norm(places - centre, axis=-1) < min(radius_m, MAX_RADIUS_M) + REACH_M
         around = near & self._is_ground[window] & ~inside[window]
@@ -99,7 +103,7 @@ class Surroundings:
         depth_m = depth_m[np.isfinite(depth_m)]
         # Twice the reach: ground in front of the part is nearer and looks larger.
         reach_px = 2 * REACH_M * self._camera.fx / float(np.median(depth_m)) if depth_m.size else 0
-        margin = max(8, round(reach_px))
+        margin = max(MIN_MARGIN_PX, round(reach_px))
         return (
             slice(max(0, int(rows[0]) - margin), int(rows[-1]) + margin + 1),
             slice(max(0, int(columns[0]) - margin), int(columns[-1]) + margin + 1),

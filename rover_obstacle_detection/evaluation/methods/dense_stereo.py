@@ -21,6 +21,12 @@ from rover_obstacle_detection.detection.stereo.semi_global import Penalties, pla
 PENALTIES = Penalties(300, 1200)
 # Reduction of the images in which the disparity range is estimated.
 COARSE = 4
+# Share of the reduced width that is searched, and the quantile of the matches taken as largest.
+COARSE_RANGE_SHARE = 0.4
+LARGEST_PERCENTILE = 99.9
+# Margin for nearer surfaces hidden in the left border, which SGBM cannot match.
+RANGE_FACTOR = 1.15
+RANGE_MARGIN_PX = 4
 # Largest disparity assumed when nothing matches, pixels.
 FALLBACK_DISPARITY_PX = 48.0
 
@@ -128,12 +134,11 @@ def _disparities_in_view(
         for image in (left, right)
     )
     small = camera.resized(*size)
-    count = max(16, round(small.width * 0.4) // 16 * 16)
+    count = max(16, round(small.width * COARSE_RANGE_SHARE) // 16 * 16)
     coarse = plain_disparity(small_left, small_right, small, count, config, PENALTIES)
     matched = coarse[coarse > 0]
     largest = FALLBACK_DISPARITY_PX
     if matched.size:
-        searched = float(np.percentile(matched, 99.9)) + small.disparity_offset
-        # Nearer surfaces may hide in the left border, which SGBM cannot match.
-        largest = searched * COARSE * 1.15 + 4
+        searched = float(np.percentile(matched, LARGEST_PERCENTILE)) + small.disparity_offset
+        largest = searched * COARSE * RANGE_FACTOR + RANGE_MARGIN_PX
     return max(16, min(-(-int(largest) // 16), camera.width // 32) * 16)

@@ -14,6 +14,12 @@ from rover_obstacle_detection.detection.study.morphology import close_then_open
 from rover_obstacle_detection.evaluation.methods.method import Mask, as_mask
 
 CLUSTERS = 4
+# Bilateral filter: diameter (pixels), sigma of grey levels, sigma of distance (pixels).
+SMOOTHING = (7, 30, 5)
+# Edge of the square in which an edge touches an outline, pixels.
+EDGE_ZONE = 5
+# Size (pixels) and iterations of the closing and opening.
+MORPHOLOGY = (7, 1)
 # Pixels that k-means runs on; all of them would take seconds.
 SAMPLES = 20000
 # Region size as a share of the image: 100 pixels to a tenth of 1024 x 768.
@@ -34,7 +40,7 @@ class ImageOnly:
     def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:
         """Find obstacles in the left image; see `Method`."""
         grey, _ = grey_pair(left, right, camera)
-        smooth = np.asarray(cv2.bilateralFilter(grey, 7, 30, 5), np.uint8)
+        smooth = np.asarray(cv2.bilateralFilter(grey, *SMOOTHING), np.uint8)
         clusters = cluster_levels(smooth)
         ground = int(np.argmax(np.bincount(clusters.ravel())))
         edges = edge_zone(smooth)
@@ -42,7 +48,7 @@ class ImageOnly:
         for cluster in range(CLUSTERS):
             if cluster != ground:
                 flagged |= edged_regions(clusters == cluster, edges)
-        return close_then_open(as_mask(flagged), 7, 1)
+        return close_then_open(as_mask(flagged), *MORPHOLOGY)
 
 
 def cluster_levels(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -63,7 +69,7 @@ def edge_zone(grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Mark pixels within 2 px of a Canny edge; Otsu sets its thresholds."""
     high, _ = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     edges = cv2.Canny(grey, high / 2, high)
-    return np.asarray(cv2.dilate(edges, np.ones((5, 5), np.uint8)) != 0)
+    return np.asarray(cv2.dilate(edges, np.ones((EDGE_ZONE, EDGE_ZONE), np.uint8)) != 0)
 
 
 def edged_regions(area: NDArray[np.bool_], edges: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -24,6 +24,7 @@ MIN_GUIDED_CORRELATION = 0.7
 # Largest row difference of a match, and distance from the epipolar line, pixels.
 ROW_TOLERANCE = 1
 RANSAC_PX = 1.0
+RANSAC_CONFIDENCE = 0.99
 # Guided matching searches this far around the predicted disparity, pixels.
 SEARCH = 3
 # Points that the fundamental matrix needs.
@@ -91,7 +92,7 @@ def without_outliers(matches: Matches) -> Matches:
     if len(matches) < MIN_MATCHES:
         return matches[:0]
     _, inliers = cv2.findFundamentalMat(
-        matches[:, :2], matches[:, 2:], cv2.FM_RANSAC, RANSAC_PX, 0.99
+        matches[:, :2], matches[:, 2:], cv2.FM_RANSAC, RANSAC_PX, RANSAC_CONFIDENCE
     )
     if inliers is None:
         return matches[:0]
