@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
-from rover_obstacle_detection.detection.geometry.noise import DISPARITY_NOISE_PX
+from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
 from rover_obstacle_detection.detection.geometry.plane_fit import fit_ground_plane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
@@ -101,8 +101,7 @@ def fit_plane(
     plane = fit_ground_plane(
         disparity,
         camera,
-        tolerance_m=config.max_step / 2,
-        noise_px=DISPARITY_NOISE_PX,
+        PlaneFitParameters(tolerance_m=config.max_step / 2),
         min_disparity=camera.disparity_at(config.max_range),
     )
     return None if plane is None else plane.in_space(camera, None)
