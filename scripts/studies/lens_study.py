@@ -14,6 +14,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
+from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED
@@ -29,7 +30,7 @@ BENDS: Mapping[str, tuple[Shares, Shares]] = {
     'both alike, 1 %': ((0.01, -0.02, 0), (0.01, -0.02, 0)),
     'both alike, 1 %, wavy': ((0.02, 0.03, -0.06), (0.02, 0.03, -0.06)),
 }
-"""What each order moves the corners, as a share of their radius: left eye, right eye."""
+"""What each order moves the corners, as a share of their radius: left lens, right lens."""
 
 _ROUNDING_PX = 1e-2
 
@@ -67,8 +68,9 @@ def bent_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
     Nothing counts that the frame does not show.
     """
     camera = frame.camera
-    left_places = lenses.straight_left_places(camera)
-    right_places = lenses.straight_right_places(camera)
+    left_places, right_places = (
+        view.straight_places(RectificationParameters()) for view in lenses.views(camera)
+    )
     columns, rows = left_places
     inside = (columns > -_ROUNDING_PX) & (columns < camera.width - 1 + _ROUNDING_PX)
     inside &= (rows > -_ROUNDING_PX) & (rows < camera.height - 1 + _ROUNDING_PX)
