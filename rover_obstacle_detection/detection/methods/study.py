@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import cv2
 import numpy as np
@@ -15,7 +16,8 @@ from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.regions.grey_level import dark_regions
 from rover_obstacle_detection.detection.regions.parameters import RegionParameters
 from rover_obstacle_detection.detection.regions.segmentation import mean_shift_regions
-from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Cue, Detection
+from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import (
     Penalties,
@@ -51,7 +53,7 @@ def detect_as_study(
         disparity,
         camera,
         ground.up_vector,
-        lambda image: segment_as_study(image, parameters.regions),
+        partial(segment_as_study, parameters=parameters.regions),
         study,
         parameters.regions.min_seed_points,
     )
@@ -80,23 +82,17 @@ def detect_as_study(
     finished('morphology')
     return Detection(
         camera=camera,
-        config=parameters.config,
+        parameters=parameters,
         ground=ground,
-        products={
-            'grey': grey,
-            'disparity': disparity,
-            'regions': regions,
-            'seeds': products.seeds,
-            'roughness': roughness,
-            'step': step,
-            'height': lambda: elevation_m + np.float32(ground.height_m),
-            'height_noise': lambda: height_noise_m(
-                disparity, ground.height_m, study.disparity_noise_px
-            ),
-            'cues': cues,
-            'known': known,
-            'mask': mask,
-        },
+        grey=grey,
+        disparity=disparity,
+        height=elevation_m + np.float32(ground.height_m),
+        height_noise=height_noise_m(disparity, ground.height_m, study.disparity_noise_px),
+        rock_probability=np.full(camera.shape, np.nan, np.float32),
+        cues=cues,
+        known=known,
+        mask=mask,
+        study=products,
     )
 
 
