@@ -138,7 +138,7 @@ class DetectorConfig:
     )
     camera_roll: float = _parameter(
         0.0,
-        'Clockwise roll of the camera about the optical axis, for gravity_source parameters (deg).',
+        'Clockwise roll about the optical axis, for gravity_source parameters (deg).',
         -90.0,
         90.0,
     )
