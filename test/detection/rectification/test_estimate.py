@@ -283,7 +283,7 @@ def test_cameras_with_unequal_principal_points_and_focal_lengths(side, cx_right)
     assert np.sqrt(np.mean(error[INNER] ** 2)) < 0.2
 
 
-@pytest.mark.parametrize('turns_deg', [(0.3, 0.0), (0.0, 0.3), (-0.3, 0.3)], ids=str)
+@pytest.mark.parametrize('turns_deg', [(0.3, 0.0), (0.0, 0.8), (-0.3, 0.3)], ids=str)
 def test_a_right_camera_that_looks_aside_or_up_is_not_taken_for_distortion(turns_deg):
     aside, up = np.tan(np.radians(turns_deg))
     left, right = waves.stereo_pair(CAMERA, PLANE, noise=2.0)
@@ -303,4 +303,4 @@ def test_a_right_camera_that_looks_aside_or_up_is_not_taken_for_distortion(turns
     disparity = PLANE.disparity(CAMERA) + (aside * at * at + up * at * y) * CAMERA.fx
     reduced = ReducedPair((left, turned), CAMERA, 1.0)
     found = estimate_rectification(reduced, disparity.astype(np.float32), UNCORRECTED)
-    assert found.lens_gain < 25
+    assert found.lens_gain < 20
