@@ -14,7 +14,11 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.parameters import DetectorParameters
-from rover_obstacle_detection.detection.rectification.correction import UNCORRECTED, Correction
+from rover_obstacle_detection.detection.rectification.correction import (
+    UNCORRECTED,
+    Correction,
+    Remapping,
+)
 from rover_obstacle_detection.detection.rectification.lens_distortion import Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.result.confidence import confidence
@@ -65,6 +69,8 @@ class Detection:
         The study's intermediate results.
     correction : Correction
         Residual rectification error, corrected before matching.
+    remapping : Remapping, optional
+        From the straightened left image to the left image, where the left lens was corrected.
     """
 
     camera: StereoCamera
@@ -80,6 +86,7 @@ class Detection:
     mask: NDArray[np.uint8]
     study: StudyProducts
     correction: Correction = UNCORRECTED
+    remapping: Remapping | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -125,7 +132,7 @@ class Detection:
     @cached_property
     def points(self) -> NDArray[np.float32]:
         """Position in the left optical frame, metres, shape (height, width, 3); NaN where none."""
-        rays = self.correction.left_rays(self.camera)
+        rays = None if self.remapping is None else self.remapping.rays(self.camera)
         return _read_only(reproject(self.disparity, self.camera, rays))
 
     @cached_property

@@ -42,4 +42,5 @@ def in_left_image(detection: Detection, frame: Frame) -> Detection:
         known=known,
         mask=mask,
         study=replace(detection.study, grey=grey, disparity=disparity),
+        remapping=remapped,
     )
