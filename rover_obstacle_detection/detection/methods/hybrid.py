@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from rover_obstacle_detection.detection.images.image_noise import smoothed_again
 from rover_obstacle_detection.detection.images.texture import texture_level
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.rectify import Rectified
 from rover_obstacle_detection.detection.regions.completion import slope_beyond_border
 from rover_obstacle_detection.detection.regions.regions import Nearest, nearest_known
@@ -42,6 +44,27 @@ Finished = Callable[[str], None]
 Mask = NDArray[np.bool_]
 
 
+class Measurement(NamedTuple):
+    """What a stereo pair shows of the terrain.
+
+    Parameters
+    ----------
+    frame : Frame
+        The given frame, smoothed if its images are noisy.
+    correction : Correction
+        Of the rectification.
+    stereo : Stereo
+        In the straightened left image.
+    terrain : Terrain
+        Likewise.
+    """
+
+    frame: Frame
+    correction: Correction
+    stereo: Stereo
+    terrain: Terrain
+
+
 def detect_hybrid(
     frame: Frame,
     parameters: DetectorParameters,
@@ -59,21 +82,7 @@ def detect_hybrid(
     stages : HybridStages
     """
     p = parameters
-    noise_share = stages.noise_share(frame.pair[0], p.images)
-    frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
-    finished('noise')
-    coarse = match_coarsely(frame, p, stages)
-    straight = coarse.correction.straightened(frame)
-    finished('coarse disparity')
-    ground = coarse_ground(coarse, straight, p)
-    finished('ground plane')
-    stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
-    terrain = stages.survey(stereo, p.terrain)
-    finished('local ground')
-    if frame.gravity is None:
-        up = stages.vertical(terrain.layers, ground, p.terrain)
-        stereo = replace(stereo, ground=replace(ground, up=up))
-    finished('vertical')
+    frame, correction, stereo, terrain = measure(frame, p, finished, stages)
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
@@ -100,10 +109,45 @@ def detect_hybrid(
         Cue.GREY_LEVEL: dark | rocks.by_sight,
     }
     detection = decided(found, stereo, terrain, rocks, study, p)
-    detection = stages.doubt(replace(detection, correction=coarse.correction))
+    detection = stages.doubt(replace(detection, correction=correction))
     detection = in_left_image(detection, frame)
     finished('mask')
     return detection
+
+
+def measure(
+    frame: Frame,
+    parameters: DetectorParameters,
+    finished: Finished = lambda stage: None,
+    stages: HybridStages = HYBRID_STAGES,
+) -> Measurement:
+    """Run the first half of the hybrid method: from the images to heights above the ground.
+
+    Parameters
+    ----------
+    frame : Frame
+    parameters : DetectorParameters
+    finished : callable
+        Called with the name of each stage when it ends.
+    stages : HybridStages
+    """
+    p = parameters
+    noise_share = stages.noise_share(frame.pair[0], p.images)
+    frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
+    finished('noise')
+    coarse = match_coarsely(frame, p, stages)
+    straight = coarse.correction.straightened(frame)
+    finished('coarse disparity')
+    ground = coarse_ground(coarse, straight, p)
+    finished('ground plane')
+    stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
+    terrain = stages.survey(stereo, p.terrain)
+    finished('local ground')
+    if frame.gravity is None:
+        up = stages.vertical(terrain.layers, ground, p.terrain)
+        stereo = replace(stereo, ground=replace(ground, up=up))
+    finished('vertical')
+    return Measurement(frame, coarse.correction, stereo, terrain)
 
 
 def match_coarsely(
