@@ -24,7 +24,7 @@ def read_metadata(model: bytes) -> dict[str, str]:
     """
     entries = (content for number, content in _fields(model) if number == _METADATA_PROPS)
     pairs = (dict(_fields(entry)) for entry in entries)
-    return {pair[_KEY].decode(): pair.get(_VALUE, b'').decode() for pair in pairs}
+    return {pair.get(_KEY, b'').decode(): pair.get(_VALUE, b'').decode() for pair in pairs}
 
 
 def _fields(message: bytes) -> Iterator[tuple[int, bytes]]:
