@@ -128,16 +128,5 @@ class Correction:
         columns = np.clip(np.where(np.isnan(columns), own_columns, columns), 0, camera.width - 1)
         return Remapping((rows * camera.width + columns).astype(np.int32), shown)
 
-    def left_rays(self, camera: StereoCamera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Direction of each pixel of the left image.
-
-        Returns
-        -------
-        x_over_z, y_over_z : ndarray of float32
-            As `StereoCamera.rays` if the left lens has no distortion, else as `Remapping.rays`.
-        """
-        remapping = self.to_left_image(camera)
-        return camera.rays() if remapping is None else remapping.rays(camera)
-
 
 UNCORRECTED = Correction()
