@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED
+from rover_obstacle_detection.evaluation.methods.ablation import ABLATIONS
 from rover_obstacle_detection.evaluation.results import mean_scene_iou, total
 from rover_obstacle_detection.evaluation.tables import NONE, Table
 
@@ -33,8 +35,6 @@ BENDS: Mapping[str, tuple[Shares, Shares]] = {
 """What each order moves the corners, as a share of their radius: left lens, right lens."""
 
 _ROUNDING_PX = 1e-2
-
-WITHOUT: frozenset[str] = frozenset({'lenses'})
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,18 @@ def bent_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
 
 def compare_lenses(frame: LabelledFrame, config: DetectorConfig) -> SceneLenses:
     """Run the detector on a frame through each pair of lenses, straightened and not."""
-    figures: dict[frozenset[str], dict[str, Figures]] = {frozenset(): {}, WITHOUT: {}}
+    straightened: dict[str, Figures] = {}
+    as_they_come: dict[str, Figures] = {}
     for name, bend in BENDS.items():
         bent = bent_frame(frame, lenses_of(frame.camera, bend))
-        for leave_out, found in figures.items():
-            detector = Detector(frame.camera, config, leave_out=leave_out)
+        for stages, found in (
+            (HYBRID_STAGES, straightened),
+            (ABLATIONS['lenses'], as_they_come),
+        ):
+            detector = Detector(frame.camera, config, stages=stages)
             mask = detector.detect(bent.left, bent.right).mask
             found[name] = score(mask, bent.labels, bent.instances)
-    return SceneLenses(figures[WITHOUT], figures[frozenset()])
+    return SceneLenses(as_they_come, straightened)
 
 
 def lens_table(scenes: Sequence[SceneLenses]) -> Table:

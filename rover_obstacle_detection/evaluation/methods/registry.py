@@ -1,4 +1,4 @@
-"""The methods that can be compared, made by name."""
+"""Make methods by name."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from dataclasses import replace
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
-from rover_obstacle_detection.evaluation.methods.ablation import WHOLE, left_out_stage
+from rover_obstacle_detection.evaluation.methods.ablation import (
+    ABLATIONS,
+    WHOLE,
+    left_out_stage,
+)
 from rover_obstacle_detection.evaluation.methods.depth_only import DepthOnly
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
 from rover_obstacle_detection.evaluation.methods.image_only import ImageOnly
@@ -29,23 +33,23 @@ METHODS: dict[str, Callable[[DetectorConfig], Method]] = {
 }
 
 USE_CLEARANCE = ('hybrid', 'wang', 'depth_only', 'patchwork', 'cloth')
-"""Methods that ``max_step`` decides of, so that a curve over it means something."""
+"""Methods whose result depends on ``max_step``."""
 
 
 def make_method(name: str, config: DetectorConfig | None = None) -> Method:
-    """Make a method by its name, or the hybrid without a stage: ``hybrid without regions``.
+    """Make a method by name, or the hybrid without a stage: ``hybrid without regions``.
 
     Raises
     ------
     ConfigurationError
-        If there is no such method.
+        If the method does not exist.
     MissingExtraError
         If its library is not installed.
     """
     stage = left_out_stage(name)
     if stage is not None:
         own = replace(config or DetectorConfig(), method=WHOLE)
-        return DetectorMethod(own, frozenset({stage}))
+        return DetectorMethod(own, ABLATIONS[stage])
     if name not in METHODS:
         near = difflib.get_close_matches(name, METHODS, 1)
         hint = f' (did you mean {near[0]}?)' if near else ''
