@@ -106,7 +106,7 @@ class TerrainParameters:
     cell_relief_m : float
         Relief within a cell: pixels that are noisier count less.
     min_noise_m : float
-        Height noise below which a pixel tells no more.
+        Height noise below which a pixel counts no more.
     opening_m, opening_cells : float
         What is narrower is opened away before the ground is followed; the larger counts.
     trend_m, trend_cells : float

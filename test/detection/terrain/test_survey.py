@@ -91,6 +91,18 @@ def test_wall_is_not_ground():
     assert np.abs(terrain.height_m[(y > 0) & (y < 2.5)]).max() < 0.01
 
 
+def test_false_matches_in_the_sky_are_not_ground():
+    posed = PosedCamera(pitch_deg=20.0)
+    disparity, _, y = posed.look(flat)
+    sky = disparity == 0
+    depth_m = np.random.default_rng(0).uniform(0.3, 1.5, np.count_nonzero(sky))
+    disparity[sky] = posed.camera.disparity_at(1.0) / depth_m
+    terrain = surveyed(disparity, posed=posed)
+    near = ~sky & (y < 8)
+    np.testing.assert_allclose(terrain.height_m[near], 0, atol=0.02)
+    assert terrain.height_m[sky].min() > 1
+
+
 def test_pixels_without_a_match_have_neither_height_nor_scale():
     disparity, _, _ = POSED.look(flat)
     disparity[40:60, 30:50] = 0
