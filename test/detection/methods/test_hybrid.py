@@ -349,7 +349,7 @@ def test_unrelated_images_are_mostly_unknown(seed):
     left, right = generator.integers(0, 256, (2, 240, 320)).astype(np.uint8)
     found = Detector(pinhole(320, 240, 60.0, 0.06)).detect(left, right)
     free = found.known & (found.mask == 0)
-    assert free.mean() < 0.2
+    assert free.mean() < 0.25
 
 
 @pytest.mark.parametrize(
