@@ -88,7 +88,7 @@ def match_against_ground(
     disparity = warped_disparity(
         frame.pair, camera, np.maximum(expected, 0), search, penalties, parameters, correction.rows
     )
-    # Matches carried into a bare sky are wrong; carried along the ground they are a fair guess.
+    # Where texture is missing, matches spread from beside it: fair on the ground, wrong in the sky.
     bare = untextured(frame.pair[0], parameters.sky_window_px, parameters.sky_texture)
     disparity[(expected <= 0) & bare] = 0
     if frame.rover_mask is not None:
@@ -109,8 +109,8 @@ def image_penalties(
     """Choose SGBM's penalties by the contrast of the image, unless the user set them.
 
     The cost of a false match grows with the grey level's gradient and the size of the block. A
-    penalty has to keep pace, or a hazy image becomes flat and a crisp one torn. Where noise hides
-    the texture, costs mean less and smoothness has to mean more.
+    penalty must keep pace, or hazy images become flat and crisp ones torn. Where noise hides the
+    texture, costs say less and smoothness must count more.
 
     Parameters
     ----------

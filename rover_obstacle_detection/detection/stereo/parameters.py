@@ -67,7 +67,7 @@ class StereoParameters:
     distant_texture_window_px : int
         Side of the window in which texture counts as near.
     distant_texture_signal : float
-        Signal over noise in that window below which matches are carried in from afar.
+        Signal over noise in that window below which matches come from distant texture.
     distant_texture_noise : float
         Relative growth of the noise there. All three measured on rendered ground.
     """

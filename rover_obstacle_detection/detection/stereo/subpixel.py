@@ -59,12 +59,12 @@ def refine_disparity(
     One Gauss-Newton step along the row (Lucas and Kanade 1981), independent of brightness. The
     grey levels that still differ after the warp measure the image noise, and a step that this
     noise could have caused is damped. Where texture is weak, semi-global matching flattens the
-    disparity towards the ground plane and only a wide window sees more than noise. So the step of
-    the wide window is found first, and that of the narrow window is damped towards it. The images
-    are warped once, since a second warp would follow the noise.
+    disparity towards the ground plane, and only a wide window sees more than noise. So the step of
+    the wide window comes first, and that of the narrow window is damped towards it. The images are
+    warped once: a second warp would follow the noise.
 
     The returned noise falls with texture. Where texture is far away, as in a black shadow, it
-    grows again. Its form and constants fit the errors on rendered ground.
+    grows further. Its form and constants fit the errors on rendered ground.
     """
     known = disparity > 0
     weight = known.astype(np.float32)
@@ -81,7 +81,7 @@ def refine_disparity(
         parameters.refinement_windows_px, parameters.refinement_priors_px, strict=True
     ):
         curvature, pull, samples = _normal_equation(images, window, parameters.pixels_per_sample)
-        # Grey-level noise over the prior's spread: texture has to exceed it to be believed.
+        # Texture counts where its gradient exceeds grey-level noise over the expected step.
         damping = np.float32(max(grey_noise, 0.5) ** 2 / prior_px**2) / samples
         prior_share = np.asarray(damping / (curvature + damping), np.float32)
         step = pull / (curvature + damping) + step * prior_share
@@ -96,7 +96,7 @@ def refine_disparity(
 def _warped_difference(
     pair: GreyPair, disparity: Image, camera: StereoCamera, rows: RowAlignment
 ) -> tuple[Image, Image]:
-    """Horizontal gradient of the warped right image, and what the left image differs from it."""
+    """Horizontal gradient of the warped right image, and left minus warped right image."""
     left, right = pair[0].astype(np.float32), pair[1].astype(np.float32)
     columns = np.arange(camera.width, dtype=np.float32)
     source_rows = rows.rows(camera, columns)

@@ -56,7 +56,7 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
         if not (share[layer.seen] > 0).any():
             break
         wide = _rise_at(layer.mean_m, trust, scale, cell_m, parameters)
-        # In a strip a few cells wide, the coarser grid of a wide scale can know less.
+        # In a strip a few cells wide, the coarser grid of a wide scale can be noisier.
         share = share * (wide.noise < noise)
         right = right + share * (wide.right - right)
         forward = forward + share * (wide.forward - forward)

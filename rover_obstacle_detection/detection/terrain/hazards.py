@@ -61,13 +61,13 @@ def dropping_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainPa
 
 
 def rough_ground(terrain: Terrain, obstacles: Mask, parameters: TerrainParameters) -> Mask:
-    """Find the pixels of ground that is too rough: full of what is no obstacle by itself.
+    """Find the pixels of ground that is too rough, full of stones too small to be obstacles.
 
     Parameters
     ----------
     terrain : Terrain
     obstacles : ndarray of bool, shape (height, width)
-        What is an obstacle by itself does not make the ground around it rough.
+        Obstacles do not make the ground around them rough.
     parameters : TerrainParameters
 
     Notes

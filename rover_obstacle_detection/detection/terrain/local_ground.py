@@ -103,7 +103,7 @@ def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
     far = np.float32(1e6)
     lowest = cv2.erode(np.where(present, height_m, far), kernel, borderType=cv2.BORDER_REPLICATE)
-    # Cells hidden behind a rock know only the rock, and must not raise the envelope to it.
+    # Empty cells behind a rock are near nothing but the rock: the envelope must not rise to it.
     lowest = np.where(present, lowest, -far)
     return np.asarray(cv2.dilate(lowest, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
 

@@ -96,8 +96,7 @@ class TerrainParameters:
     max_layers, max_cells : int
         Maps, each twice as coarse as the one before, and cells along the last.
     rows_per_cell : float
-        Image rows between which a cell lies at the far end of its layer, relative to one row.
-        Derived: fewer leave empty cells.
+        Image rows to a cell at the far end of its layer. Derived: fewer leave empty cells.
     overlap, overlap_m : float
         A layer also maps this much, as a factor and in metres, beyond its span.
     repose_deg : float
@@ -108,7 +107,7 @@ class TerrainParameters:
     min_noise_m : float
         Height noise below which a pixel counts no more.
     opening_m, opening_cells : float
-        What is narrower is opened away before the ground is followed; the larger counts.
+        Narrower objects are removed by opening before the ground is followed; the larger counts.
     trend_m, trend_cells : float
         Standard deviation of the regression that the ground follows; the larger counts.
     smoothing_m, smoothing_cells : float
@@ -135,11 +134,11 @@ class TerrainParameters:
     tolerated_rise_noise_deg : float
         Noise of the rise at which the next wider scale takes over.
     max_rise_noise_deg : float
-        With more noise, a rise says nothing.
+        Rises with more noise are ignored.
     lost_slope_deg : float
         Slope that smoothing removes where a slope begins and ends.
     steep_share : float
-        Share of a slope's cells that have to be too steep.
+        Least share of a slope's cells that are too steep.
     relief_m : float
         Standard deviation at which drops are measured. Derived: scale of the rover's wheels.
     common_noise_share : float
@@ -149,7 +148,7 @@ class TerrainParameters:
     drop_rim_cells : int
         Cells across that width in which drops are searched.
     drop_noises : float
-        Standard deviations of height that a drop has to exceed the step by.
+        Standard deviations of height by which a drop exceeds the step.
     roughness_m : float
         Standard deviation of the window of roughness. Derived: half a wheel base.
     max_noise_share : float

@@ -30,8 +30,8 @@ def steep_cells(
     Notes
     -----
     Smoothing removes a few degrees where a slope begins and ends. So connected cells that are
-    hardly less steep belong to the slope, if a good part of the whole is too steep. Cells whose
-    rise is too noisy are left out.
+    almost too steep belong to the slope as well, if enough of the whole is too steep. Cells with
+    too noisy a rise do not count.
     """
     right, forward = ground_axes(ground)
     up, normal = np.asarray(ground.up), np.asarray(ground.normal)
@@ -101,8 +101,8 @@ def dropped_cells(
     Notes
     -----
     A grey-value closing minus the ground gives the depth to which a hollow would fill with water.
-    Water would run out over ground that nobody has seen, so a hollow needs a rim all around. The
-    closing runs on coarser cells.
+    Water would run out over unseen ground, so a hollow needs a rim all around. The closing runs on
+    coarser cells.
     """
     reduction = max(1, round(parameters.drop_rim_m / (parameters.drop_rim_cells * cell_m)))
     rows, columns = height_m.shape

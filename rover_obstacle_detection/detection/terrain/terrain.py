@@ -14,14 +14,14 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A map of the ground for one span of distances, with cells as coarse as the view is there.
+    """A map of the ground for one span of distances.
 
     Parameters
     ----------
     rows : slice
         Image rows that it covers.
     positions : MapPositions
-        Of the pixels in those rows that it was made of, some of them beyond its span.
+        Of the mapped pixels in those rows, some of them beyond its span.
     pixels : ndarray of bool, shape (rows, width)
         Pixels of those rows within its span.
     seen : ndarray of bool, shape of the map

@@ -1,4 +1,4 @@
-"""The vertical, estimated from the visible ground: the rover stands level on what is before it."""
+"""The vertical, estimated as the normal of the visible ground that the rover stands on."""
 
 from __future__ import annotations
 
@@ -43,12 +43,13 @@ def estimate_vertical(
     Undulation tilts a small patch of ground more than a large one. So all visible ground within
     range is fitted, weighted by its area seen from above and by its nearness.
 
-    A slope ahead is not what the rover stands on. Where planes with a bend more or less across the
-    view fit much better, their near side counts, averaged with a plane through the nearer part of
-    the ground before the bend. Ground bends gradually: the slope changes over up to a metre
-    (softplus). An early wide bend fits about as well as a later one of half the angle, so the
-    answer is the mean of all bends, weighted by fit. All fits are iteratively reweighted least
-    squares with Cauchy weights.
+    A slope ahead is not what the rover stands on. So two planes that meet in a bend are fitted as
+    well. If they fit much better, the near plane counts, averaged with a plane through the nearer
+    half of the ground before the bend. Ground bends gradually: its slope changes over up to a
+    metre (softplus). An early wide bend fits about as well as a later one of half the angle, so
+    the bend is the mean of all bends, weighted by fit.
+
+    All fits are iteratively reweighted least squares with Cauchy weights.
     """
     p = parameters.vertical
     cells = _weighted_cells(layers, parameters)
