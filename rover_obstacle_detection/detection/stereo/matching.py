@@ -88,7 +88,7 @@ def match_against_ground(
     disparity = warped_disparity(
         frame.pair, camera, np.maximum(expected, 0), search, penalties, parameters, correction.rows
     )
-    # Where texture is missing, matches spread from beside it: fair on the ground, wrong in the sky.
+    # Without texture, matches spread from its surroundings: fair on the ground, wrong in the sky.
     bare = untextured(frame.pair[0], parameters.sky_window_px, parameters.sky_texture)
     disparity[(expected <= 0) & bare] = 0
     if frame.rover_mask is not None:

@@ -105,7 +105,7 @@ class TerrainParameters:
     cell_relief_m : float
         Relief within a cell: pixels that are noisier count less.
     min_noise_m : float
-        Height noise below which a pixel counts no more.
+        Height noise below which a pixel's weight grows no further.
     opening_m, opening_cells : float
         Narrower objects are removed by opening before the ground is followed; the larger counts.
     trend_m, trend_cells : float
