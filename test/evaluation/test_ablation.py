@@ -201,7 +201,7 @@ def test_without_outlines_height_outlines_the_rock():
 
 def test_without_sight_no_rock_is_accepted_by_its_looks():
     whole, part = detected('sight')
-    limit = RockParameters().sure_probability
+    limit = RockParameters().accepted_probability
     assert np.nanmax(whole.rock_probability) > limit
     # Where height overrules the network, looks do not count.
     assert np.nanmax(part.rock_probability[part.rock_probability < 1]) < limit

@@ -1,4 +1,4 @@
-"""The hybrid method: terrain above the local ground, outlines where image and 3D agree."""
+"""The hybrid method: hazards of the terrain by 3D, outlines of rocks by 3D and image."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def match(
 
 
 def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProducts:
-    """Prepare the study's intermediate results, for whoever asks for them."""
+    """Prepare the study's intermediate results, which are computed on first access."""
     return StudyProducts(
         stereo.frame.pair[0],
         stereo.disparity,
@@ -255,7 +255,7 @@ def decided(
     """Combine the cues into the detection."""
     rover_mask = stereo.frame.rover_mask
     cues, mask = combined_cues(found, rover_mask, parameters.result.min_obstacle_px)
-    # A step would show where its height is known; what stands out of the noise does anyway.
+    # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
     known = known_heights(terrain, parameters.terrain) | (mask == OBSTACLE)
     if rover_mask is not None:
         known &= ~rover_mask

@@ -1,4 +1,4 @@
-"""The result of one image pair, with every step on the way there."""
+"""The result of one image pair, with all intermediate results."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FREE = 0
 class Detection:
     """The result of one image pair. Immutable: all arrays are read-only.
 
-    What the decision did not need is computed when it is first asked for.
+    What was not needed to decide is computed on first access.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Detection:
     height_noise : ndarray of float32, shape (height, width)
         Standard deviation of the height of a single pixel, metres; infinite without 3D.
     rock_probability : ndarray of float32, shape (height, width)
-        Output of the outline network; NaN where it was not asked.
+        Output of the outline network; NaN where it was not applied.
     cues : ndarray of uint8, shape (height, width)
         What made each pixel an obstacle: the flags of `Cue`, 0 where nothing did.
     known : ndarray of bool, shape (height, width)
@@ -101,7 +101,7 @@ class Detection:
 
     @property
     def alignment(self) -> RowAlignment:
-        """Rows by which the right image was off."""
+        """Row shift between the images that rectification left."""
         return self.correction.rows
 
     @property

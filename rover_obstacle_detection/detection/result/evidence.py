@@ -35,7 +35,7 @@ class ObstacleEvidence:
     raggedness : ndarray of float64, shape (n,)
         Pixels of the outline over the square root of all pixels: larger is less compact.
     rock_log_odds : ndarray of float64, shape (n,)
-        Mean log odds of the outline network, over the pixels with a cue that it decides.
+        Mean log odds of the outline network; 0 for pixels without a cue that it decides.
     ground_share : ndarray of float64, shape (n,)
         Share of pixels that are ground too steep or too low.
     noise_share : ndarray of float64, shape (n,)
@@ -108,7 +108,7 @@ def measure_evidence(
     noise_m : ndarray of float32, shape (height, width)
         Standard deviation of the height of a single pixel.
     rock_probability : ndarray of float32, shape (height, width)
-        Output of the outline network; NaN where it was not asked.
+        Output of the outline network; NaN where it was not applied.
     cues : ndarray of uint8, shape (height, width)
         Flags of `Cue`.
     parameters : ResultParameters
@@ -132,7 +132,7 @@ def measure_evidence(
     measured = np.isfinite(own_height) & np.isfinite(own_noise) & (disparity.ravel()[where] > 0)
     own_cues = cues.ravel()[where]
     by_network = (own_cues & np.uint8(Cue.HEIGHT | Cue.GREY_LEVEL)) > 0
-    odds = _log_odds(rock_probability.ravel()[where[by_network]], parameters.surest_probability)
+    odds = _log_odds(rock_probability.ravel()[where[by_network]], parameters.max_rock_probability)
     noise_px = seen_disparity_noise_px(disparity, parameters)
     outline = _is_outline(numbers).ravel()[where]
     edges = edge_strength(grey, images)
@@ -197,10 +197,10 @@ def seen_disparity_noise_px(disparity: NDArray[np.float32], parameters: ResultPa
     return max(mean, parameters.typical_noise_px / 10)
 
 
-def _log_odds(probability: NDArray[np.float32], surest: float) -> Floats:
+def _log_odds(probability: NDArray[np.float32], largest: float) -> Floats:
     """Log odds of limited size; 0 where the probability is not known."""
     even = np.nan_to_num(probability.astype(np.float64), nan=0.5)
-    limited = np.clip(even, 1 - surest, surest)
+    limited = np.clip(even, 1 - largest, largest)
     return np.asarray(np.log(limited / (1 - limited)))
 
 

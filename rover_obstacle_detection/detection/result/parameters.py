@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ResultParameters:
-    """How obstacles are measured and how sure the detector is of them.
+    """How obstacles are measured, and how the confidence in them is found.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ class ResultParameters:
     block_size_px : int
         Side of the matching block, within which pixels share their noise. Set by the user.
     min_confidence : float
-        Specks of steep or low ground with less are not reported. Set by the user.
+        Specks of steep or low ground with less confidence are removed. Set by the user.
     speck_share : float
         Share of the image below which an area of steep or low ground is a speck. Tuned on the
         tuning scenes.
@@ -34,14 +34,14 @@ class ResultParameters:
         Distance between the three pixels whose disparities measure that noise. Derived: neighbours
         share theirs.
     max_difference_px : float
-        Larger differences between them are rims of objects.
+        Limit of the differences between them: larger ones are rims of objects.
     faint_contrast : float
-        Grey levels per pixel that no outline is visible at.
+        Edge strength at which an outline is hardly visible, grey levels per pixel.
     min_noise_share : float
-        Height noise over the step below which less noise gives no more confidence.
-    surest_probability : float
-        Greatest confidence that is put in the network. The last three were tuned on the tuning
-        scenes.
+        Height noise over the step below which less noise hardly adds confidence.
+    max_rock_probability : float
+        Limit of the network's probability, so that its log odds stay finite. The last three were
+        tuned on the tuning scenes.
     """
 
     method: str = 'hybrid'
@@ -56,4 +56,4 @@ class ResultParameters:
     max_difference_px: float = 4.0
     faint_contrast: float = 0.2
     min_noise_share: float = 0.05
-    surest_probability: float = 0.99
+    max_rock_probability: float = 0.99

@@ -39,10 +39,10 @@ def combined_cues(
 
 
 def without_doubtful(detection: Detection) -> Detection:
-    """Remove specks of steep or low ground in which there is little confidence.
+    """Remove specks of steep or low ground with little confidence.
 
-    Noise makes far ground steep here and there. What is removed is unknown, not free. What stands
-    up is never removed, nor is a large slope, however noisy.
+    Noise makes distant ground steep here and there. Removed pixels become unknown, not free.
+    Rocks and large slopes are never removed.
     """
     parameters = detection.parameters.result
     by_ground = np.uint8(Cue.SLOPE | Cue.DROP)

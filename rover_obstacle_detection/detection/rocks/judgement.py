@@ -46,14 +46,13 @@ def too_high(
 
     Notes
     -----
-    A part is kept if it has a core, about as high as the step and above the noise, and if most of
-    it stands up: a core may touch a false outline. Matching blocks flatten rocks that are not much
-    larger than they are, so less height is asked of what is far.
+    A part is kept if it has a core about as high as the step and above the noise. Most of the part
+    has to stand up, since a core may touch a false outline. Matching flattens rocks that are not
+    much larger than its blocks, so that distant rocks may be lower.
 
-    Where the step is only a few pixels, size in the image says more than stereo, and without 3D it
-    is all there is. What surely looks like a rock and is as large as the step at that distance is
-    kept, unless stereo rules it out: hardly a pixel could be that high, or a fifth as high as the
-    part looks, within three standard deviations.
+    Where the step is only a few pixels high, size in the image says more than stereo. Without 3D
+    it is all there is. A part that very likely is a rock is kept if it looks as high as the step.
+    Stereo rules it out where, within the noise, hardly a pixel could be high enough.
     """
     smooth_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
     drawn = drawn | high_holes(drawn, smooth_m, parameters.hole_share * parameters.max_step_m)
@@ -129,22 +128,22 @@ def _has_core(
 
 
 def _looks_high(parts: _Parts, smooth_m: Image, terrain: Terrain, p: RockParameters) -> Mask:
-    """Parts that surely look like rocks as large as the step, if stereo allows for it."""
-    sure = (parts.probability >= p.sure_probability) & (parts.height_px >= parts.step_px)
+    """Parts that very likely are rocks and look as high as the step, if stereo allows for it."""
+    likely = (parts.probability >= p.accepted_probability) & (parts.height_px >= parts.step_px)
     apparent_m = p.max_step_m * parts.height_px / np.maximum(parts.step_px, 1e-3)
     least_m = np.maximum(p.min_seen_share * p.max_step_m, p.apparent_share * apparent_m)
     most_m = smooth_m + p.possible_noises * terrain.noise_m
     possible = terrain.measured & (most_m > least_m.astype(np.float32)[parts.labels])
-    return np.asarray(sure & (parts.count(possible) >= p.possible_share * parts.measured))
+    return np.asarray(likely & (parts.count(possible) >= p.possible_share * parts.measured))
 
 
 def overruled_parts(
     drawn: Mask, terrain: Terrain, standing: Standing, parameters: RockParameters
 ) -> Mask:
-    """Find what stands so far above step and noise that the network may not deny it.
+    """Find parts so far above step and noise that they are obstacles whatever the network says.
 
-    The network knows rocks, not the legs of a lander, which are upright. What is wider than high
-    and not drawn is mostly ground whose local ground came out too low.
+    The network knows rocks, but not the upright legs of a lander. Parts that are wider than high
+    are left to the network: they are mostly ground whose local ground is estimated too low.
 
     Parameters
     ----------
@@ -179,8 +178,8 @@ def upright_parts(mask: Mask, min_ratio: float) -> Mask:
 def half_height_outlines(terrain: Terrain, standing: Standing, reach_px: int) -> Mask:
     """Cut off what is less than half as high as what stands just below it in the image.
 
-    Above and beside a rock, disparity blurs and the height falls to that of the ground far behind
-    over a few pixels. At its foot the height falls for good reason.
+    Matching blurs the rim of a rock: above and beside it, the height falls to that of the ground
+    behind over a few pixels. The foot of a rock is really low, and is kept.
     """
     height_m = np.nan_to_num(terrain.height_m, nan=0.0)
     kernel = np.zeros((2 * reach_px + 1,) * 2, np.uint8)

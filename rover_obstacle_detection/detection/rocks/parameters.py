@@ -25,13 +25,13 @@ class RockParameters:
         A pixel stands up above this height or share of the step, whichever is less, and this many
         standard deviations.
     candidate_share, candidate_noises : float
-        The same for the core of what is worth a look by the network.
+        The same for the core of a part that the network is asked about.
     min_core_pixels : int
         Pixels of a core.
     top_share : float
         Share of a part's pixels that its height is averaged over.
     unmeasured_px : int
-        Side of the smallest area without 3D that is worth a look by the network.
+        Side of the smallest area without 3D that the network is asked about.
     hole_share : float
         Share of the step above which a hole in an outline is filled.
     standing_share : float
@@ -39,26 +39,28 @@ class RockParameters:
     full_step_px : float
         Size of the step in the image below which matching flattens rocks.
     min_seen_share : float
-        Share of the step that is asked of the smallest of those.
+        Share of the step that the smallest of those have to reach.
     small_step_px : float
         Size of the step in the image below which a rock's size counts as well as its height.
         Derived: height noise grows with the square of the distance, size noise with the distance.
-    sure_probability : float
+    accepted_probability : float
         Mean network output from which a rock is accepted by its looks.
     possible_noises : float
-        Standard deviations within which stereo must allow for such a rock's height.
+        Stereo allows for such a rock if it could be high enough within this many standard
+        deviations.
     possible_share : float
-        Share of its measured pixels at which it must.
+        Share of the rock's measured pixels at which stereo has to allow for it.
     apparent_share : float
-        Share of its apparent height that stereo must allow for.
+        Share of the rock's apparent height that counts as high enough.
     certain_share : float
-        Height over the step from which the network may not deny an upright rock.
+        Height over the step above which something upright is an obstacle whatever the network
+        says.
     certain_noise_share : float
         Height noise over the step up to which such a height is certain.
     certain_pixels : int
         Pixels with a certain height that this takes.
     drawn_share : float
-        Share of them inside an outline from which the network did not deny it.
+        Share of these pixels inside an outline from which the network agrees.
     upright_ratio : float
         Height over width in the image of what is upright. Derived: wider parts are mostly ground
         whose local ground came out too low; a lander's legs are upright.
@@ -85,7 +87,7 @@ class RockParameters:
     full_step_px: float = 20.0
     min_seen_share: float = 0.7
     small_step_px: float = 10.0
-    sure_probability: float = 0.7
+    accepted_probability: float = 0.7
     possible_noises: float = 3.0
     possible_share: float = 0.1
     apparent_share: float = 0.2

@@ -33,7 +33,7 @@ class Rocks:
     high : ndarray of bool, shape (height, width)
         Rocks that are too high, or far away too large in the image.
     by_sight : ndarray of bool, shape (height, width)
-        Rocks by their looks and size in the image, where there is no 3D.
+        Rocks without 3D, judged by their looks and their size in the image.
     probability : ndarray of float32, shape (height, width)
         Network output; NaN where the network was not asked, 1 where it was overruled.
     """
@@ -64,10 +64,10 @@ def outlined_rocks(
 ) -> Rocks:
     """Find what stands higher above the local ground than the rover can step.
 
-    Disparity blurs rims by the size of its blocks, and the foot of a rock is as high as the
-    ground. The network sees height, noise and grey level together and draws the outline. Only
-    metric limits make the outlined part an obstacle, and what stands far above step and noise is
-    one whatever the network says.
+    Matching blurs the rims of rocks, and their foot is no higher than the ground. The network sees
+    height, noise and grey level together and draws the outlines. Metric limits decide which
+    outlined parts are obstacles. What stands far above step and noise is an obstacle even if it is
+    not outlined.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ BLOCK_PX = 8
 """The network halves the resolution three times."""
 
 MARGIN_BLOCKS = 3
-"""Blocks around a pixel beyond which the network hardly looks."""
+"""Blocks around a pixel that matter to the network's output there."""
 
 
 def windows_around(where: NDArray[np.bool_]) -> list[Window]:

@@ -131,7 +131,7 @@ def _outlines_by_height(
     """
     near = Standing(standing.parts[window], standing.top_m)
     drawn = half_height_outlines(terrain.within(window), near, parameters.half_height_reach_px)
-    outlined = (parameters.outline_probability + parameters.sure_probability) / 2
+    outlined = (parameters.outline_probability + parameters.accepted_probability) / 2
     return np.where(drawn, np.float32(outlined), np.float32(np.nan))
 
 
@@ -156,8 +156,8 @@ def _outlines_without_sight(
     parameters: RockParameters,
 ) -> Image:
     """Keep the network's probability below that of a rock that looks alone make an obstacle."""
-    unsure = np.nextafter(np.float32(parameters.sure_probability), np.float32(0))
-    return np.minimum(network_outlines(stereo, terrain, standing, window, parameters), unsure)
+    below = np.nextafter(np.float32(parameters.accepted_probability), np.float32(0))
+    return np.minimum(network_outlines(stereo, terrain, standing, window, parameters), below)
 
 
 def _no_doubt(detection: Detection) -> Detection:
