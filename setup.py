@@ -49,7 +49,7 @@ setup(
         'data': ['scikit-image>=0.22'],
         'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],
         'tune': ['optuna>=4'],
-        'train': ['onnx>=1.15', 'torch>=2.2'],
+        'train': ['onnx>=1.15', 'torch>=2.5'],
         'test': [
             'hypothesis>=6',
             'mcap-ros2-support>=0.5.3',

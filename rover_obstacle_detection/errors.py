@@ -29,3 +29,7 @@ class OutputError(ObstacleDetectionError):
 
 class MissingExtraError(ObstacleDetectionError):
     """An optional dependency that is not installed."""
+
+
+class ModelError(ObstacleDetectionError):
+    """A trained model that does not fit this version of the package."""

@@ -1,4 +1,4 @@
-"""The detector's parameters: one frozen value, each field with its range and its meaning."""
+"""What a user can set: one frozen object, each parameter with its range and meaning."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GRAVITY_SOURCES = ('estimate', 'parameters', 'imu', 'tf')
 
 @dataclass(frozen=True)
 class ParameterDescription:
-    """What a user, a ROS parameter descriptor and the documentation need of one parameter."""
+    """A parameter as users, ROS parameter descriptors and the documentation see it."""
 
     name: str
     default: Value
@@ -28,12 +28,12 @@ class ParameterDescription:
     choices: tuple[str, ...] = ()
 
     def check(self, value: object) -> None:
-        """Refuse a value of another type or out of range.
+        """Reject a value of the wrong type or out of range.
 
         Raises
         ------
         ConfigurationError
-            With the name, the value and what was expected.
+            Naming the parameter, the value and what was expected.
         """
         expected = type(self.default)
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -61,7 +61,7 @@ _TYPE_NAMES = {
     bool: 'true or false',
     int: 'a whole number',
     float: 'a number',
-    str: 'a text',
+    str: 'a string',
 }
 
 
@@ -86,39 +86,39 @@ def _parameter(
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """Every parameter of the detector, named as the ROS parameters are.
+    """The detector's parameters, named like the ROS parameters.
 
     Lengths are in metres, angles in degrees, image lengths in pixels of the full image.
-    ``DetectorConfig.parameters()`` lists the fields with range and meaning.
+    ``DetectorConfig.parameters()`` lists all fields with range and meaning.
 
     Raises
     ------
     ConfigurationError
-        If a value has another type, is out of its range, or contradicts another one.
+        If a value has the wrong type, is out of range, or contradicts another one.
     """
 
     method: str = _parameter(
-        'hybrid', 'Detection method: hybrid, or the study as it was written.', choices=METHODS
+        'hybrid', 'Detection method: hybrid, or the method of the study.', choices=METHODS
     )
 
     max_step: float = _parameter(
         0.10,
-        'Tallest step above or below the local ground that the rover can take (m).',
+        'Largest step, up or down, that the rover can drive over (m).',
         0.01,
         2.0,
     )
     max_slope: float = _parameter(
-        20.0, 'Steepest ground at rover scale that the rover can climb (deg).', 1.0, 60.0
+        20.0, 'Steepest slope that the rover can climb (deg).', 1.0, 60.0
     )
     max_roughness: float = _parameter(
         0.0,
-        'Roughest ground that it crosses: root mean square of the height above the local ground '
-        'within a wheel base, obstacles apart (m); 0: not judged.',
+        'Roughest ground that the rover can cross: root mean square height above the local ground '
+        'within a wheel base, without obstacles (m); 0: not judged.',
         0.0,
         1.0,
     )
     min_range: float = _parameter(
-        0.3, 'Nearest distance along the optical axis at which anything is seen (m).', 0.01, 100.0
+        0.3, 'Nearest distance along the optical axis that is matched (m).', 0.01, 100.0
     )
     max_range: float = _parameter(
         40.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0
@@ -126,8 +126,8 @@ class DetectorConfig:
 
     gravity_source: str = _parameter(
         'estimate',
-        'Where the vertical comes from: estimated from the ground in view, from camera_pitch, '
-        'camera_roll and camera_height, from the imu topic, or from TF.',
+        'Source of the vertical: estimated from the visible ground; parameters (camera_pitch, '
+        'camera_roll, camera_height); the imu topic; or TF.',
         choices=GRAVITY_SOURCES,
     )
     camera_pitch: float = _parameter(
@@ -138,41 +138,40 @@ class DetectorConfig:
     )
     camera_roll: float = _parameter(
         0.0,
-        'Clockwise roll of the camera about its axis, for gravity_source parameters (deg).',
+        'Clockwise roll about the optical axis, for gravity_source parameters (deg).',
         -90.0,
         90.0,
     )
     camera_height: float = _parameter(
-        0.0, 'Height of the left eye above the ground (m); 0 where unknown.', 0.0, 100.0
+        0.0, 'Height of the left camera above the ground (m); 0: unknown.', 0.0, 100.0
     )
 
     min_disparity: int = _parameter(0, 'Smallest disparity searched (px).', -2048, 2048)
     disparity_range: int = _parameter(
         0,
-        'Disparities searched (px, multiple of 16); 0: follows camera and min_range '
-        '(the study: 48).',
+        'Disparities searched (px, multiple of 16); 0: from the camera and min_range (study: 48).',
         0,
         4096,
         step=16,
     )
     correlation_window_size: int = _parameter(
         -1,
-        "Side of the matching block (px, odd); -1: the method's own (hybrid 3, study 5).",
+        "Side of the matching block (px, odd); -1: the method's default (hybrid 3, study 5).",
         -1,
         21,
         step=2,
     )
     P1: float = _parameter(
         0.0,
-        "SGBM penalty on a disparity change of 1; 0: the method's own (hybrid: follows the "
+        "SGBM penalty on a disparity change of 1; 0: the method's default (hybrid: from the "
         "image's contrast and noise, study: 600).",
         0.0,
         100000.0,
     )
     P2: float = _parameter(
         0.0,
-        "SGBM penalty on a larger disparity change; 0: the method's own "
-        "(hybrid: follows the image's contrast and noise, study: 2400).",
+        "SGBM penalty on a larger disparity change; 0: the method's default "
+        "(hybrid: from the image's contrast and noise, study: 2400).",
         0.0,
         100000.0,
     )
@@ -180,7 +179,7 @@ class DetectorConfig:
         8.0, 'Margin by which the best match must beat the second best (%).', 0.0, 99.0
     )
     speckle_size: int = _parameter(
-        50, 'Smaller patches of disparity are dropped as speckle (px).', 0, 10000
+        50, 'Smaller patches of disparity are removed as speckle (px).', 0, 10000
     )
     speckle_range: int = _parameter(2, 'Disparity variation within a patch (px).', 0, 31)
     disp12_max_diff: int = _parameter(
@@ -194,28 +193,28 @@ class DetectorConfig:
 
     smoothness: float = _parameter(
         1.0,
-        "Method hybrid: factor on SGBM's penalties as they follow from the image's contrast and "
-        'noise, where P1 and P2 are 0.',
+        "Method hybrid: factor on the penalties that follow from the image's contrast and noise "
+        '(where P1 and P2 are 0).',
         0.05,
         20.0,
     )
     core_share: float = _parameter(
-        1.0, 'Method hybrid: share of max_step that an obstacle has to rise above.', 0.3, 2.0
+        1.0, 'Method hybrid: share of max_step that a rock has to rise above.', 0.3, 2.0
     )
     core_noises: float = _parameter(
         0.7,
-        "Method hybrid: standard deviations of the height's noise that it has to rise above.",
+        'Method hybrid: standard deviations of its height noise that a rock has to rise above.',
         0.0,
         10.0,
     )
     outline_probability: float = _parameter(
-        0.5, 'Method hybrid: probability from which a pixel is inside an outline.', 0.05, 0.95
+        0.5, 'Method hybrid: network probability from which a pixel is on a rock.', 0.05, 0.95
     )
 
     min_confidence: float = _parameter(
         0.9,
-        'Method hybrid: specks of steep or low ground with less confidence than this are no '
-        'obstacles, and their pixels unknown; 0: all are obstacles.',
+        'Method hybrid: specks of steep or low ground with less confidence than this are unknown '
+        'instead of obstacles; 0: all are obstacles.',
         0.0,
         1.0,
     )
@@ -229,27 +228,25 @@ class DetectorConfig:
     min_region_size: int = _parameter(
         50, 'Smaller regions are merged into a neighbour (px).', 1, 100000
     )
-    min_seed_points: int = _parameter(
-        10, 'A region with at least this many 3D points is a seed region (T1).', 3, 100000
-    )
+    min_seed_points: int = _parameter(10, 'Fewest 3D points of a seed region (T1).', 3, 100000)
     window_size: int = _parameter(
         5, 'Side of the window for roughness and elevation step (px, odd).', 3, 31, step=2
     )
     study_max_roughness: float = _parameter(
         0.0005,
-        'Method study: roughness above which a window is an obstacle, noise apart (T2, m).',
+        'Method study: roughness above which a window is an obstacle, besides noise (T2, m).',
         0.0,
         1.0,
     )
     study_max_step: float = _parameter(
         0.005,
-        'Method study: elevation step above which a window is an obstacle, noise apart (T3, m).',
+        'Method study: elevation step above which a window is an obstacle, besides noise (T3, m).',
         0.0,
         1.0,
     )
     dark_grey_level: int = _parameter(
         50,
-        'A region without enough 3D points is an obstacle below this mean grey level (T4).',
+        'Mean grey level below which a region without enough 3D points is an obstacle (T4).',
         0,
         255,
     )
@@ -277,7 +274,7 @@ class DetectorConfig:
 
     @classmethod
     def parameters(cls) -> tuple[ParameterDescription, ...]:
-        """List every parameter: name, default, range, meaning."""
+        """List every parameter with its default, range and meaning."""
         return tuple(
             ParameterDescription(each.name, cast(Value, each.default), **each.metadata)
             for each in fields(cls)

@@ -1,4 +1,4 @@
-"""The detector: a camera and a configuration in, pairs of images through, detections out."""
+"""The detector: a camera and a configuration in, image pairs through, detections out."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
-from rover_obstacle_detection.detection.hybrid import OPTIONAL_STAGES, detect_hybrid
 from rover_obstacle_detection.detection.images.grey_pair import equalized, grey_pair
+from rover_obstacle_detection.detection.methods.hybrid import detect_hybrid
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
+from rover_obstacle_detection.detection.methods.study import detect_as_study
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.detection.study.study import detect_as_study
-from rover_obstacle_detection.errors import CameraError, ConfigurationError, ImageError
+from rover_obstacle_detection.errors import CameraError, ImageError
 
 OnStage = Callable[[str], None]
 
@@ -30,16 +33,14 @@ class Detector:
     camera : StereoCamera
     config : DetectorConfig, optional
     rover_mask : ndarray of bool, shape (height, width), optional
-        True where the image shows the rover itself: never judged, never an obstacle.
-    leave_out : frozenset of str, optional
-        Stages of the hybrid to do without (`hybrid.OPTIONAL_STAGES`), to see what each is worth.
+        True where the left image shows the rover itself: never judged, never an obstacle.
+    stages : HybridStages, optional
+        Stages of the hybrid method, to replace some of them.
 
     Raises
     ------
     CameraError
         If the images have fewer than 16 rows or columns.
-    ConfigurationError
-        If there is no such stage.
     ImageError
         If the rover mask has another size than the camera.
     """
@@ -49,7 +50,7 @@ class Detector:
         camera: StereoCamera,
         config: DetectorConfig | None = None,
         rover_mask: NDArray[np.bool_] | None = None,
-        leave_out: frozenset[str] = frozenset(),
+        stages: HybridStages = HYBRID_STAGES,
     ) -> None:
         if min(camera.shape) < MIN_SIDE_PX:
             msg = (
@@ -66,14 +67,8 @@ class Detector:
             )
             raise ImageError(msg)
         self.rover_mask = rover_mask
-        unknown = leave_out - set(OPTIONAL_STAGES)
-        if unknown:
-            msg = (
-                f'leave_out has {min(unknown)!r}: expected stages out of '
-                f'{", ".join(OPTIONAL_STAGES)}'
-            )
-            raise ConfigurationError(msg)
-        self._leave_out = leave_out
+        self._parameters = DetectorParameters.from_config(self.config)
+        self._stages = stages
 
     def detect(
         self,
@@ -88,30 +83,26 @@ class Detector:
         Parameters
         ----------
         left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
-            Grey or BGR, rectified.
+            Rectified, grey or BGR.
         gravity : Gravity, optional
-            The vertical for this pair, where an IMU or TF gives it; else as configured.
+            The vertical of this pair, from an IMU or TF; by default as configured.
         on_stage : callable, optional
-            Called with a stage's name as it ends, for timing.
+            Called with the name of each stage when it ends, for timing.
 
         Raises
         ------
         ImageError
-            If an image has another size than the camera, or a type that is not an image.
+            If an image has another size than the camera, or is not an image.
         """
         pair = grey_pair(left, right, self.camera)
         if self.config.equalize_histogram:
             pair = equalized(pair)
-        finished = on_stage or _unobserved
-        gravity = gravity or self._configured_gravity()
+        finished = on_stage or _ignore
+        frame = Frame(pair, self.camera, gravity or self._configured_gravity(), self.rover_mask)
         finished('grey')
         if self.config.method == 'study':
-            return detect_as_study(
-                pair, self.camera, self.config, gravity, self.rover_mask, finished
-            )
-        return detect_hybrid(
-            pair, self.camera, self.config, gravity, self.rover_mask, finished, self._leave_out
-        )
+            return detect_as_study(frame, self._parameters, finished)
+        return detect_hybrid(frame, self._parameters, finished, self._stages)
 
     def _configured_gravity(self) -> Gravity | None:
         if self.config.gravity_source != 'parameters':
@@ -121,5 +112,5 @@ class Detector:
         )
 
 
-def _unobserved(stage: str) -> None:
+def _ignore(stage: str) -> None:
     pass

@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
+from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED
+from rover_obstacle_detection.evaluation.methods.ablation import ABLATIONS
 from rover_obstacle_detection.evaluation.results import mean_scene_iou, total
 from rover_obstacle_detection.evaluation.tables import Table, found_of, number
 
@@ -33,8 +36,6 @@ DISTORTIONS: Mapping[str, tuple[Shares, Shares]] = {
 
 # Slack for rounding at the image border, pixels.
 _ROUNDING_PX = 1e-2
-
-WITHOUT: frozenset[str] = frozenset({'lenses'})
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,9 @@ def distorted_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
     Pixels from outside the original frame are not counted.
     """
     camera = frame.camera
-    left_places = lenses.straight_left_places(camera)
-    right_places = lenses.straight_right_places(camera)
+    left_places, right_places = (
+        view.straight_places(RectificationParameters()) for view in lenses.views(camera)
+    )
     columns, rows = left_places
     inside = (columns > -_ROUNDING_PX) & (columns < camera.width - 1 + _ROUNDING_PX)
     inside &= (rows > -_ROUNDING_PX) & (rows < camera.height - 1 + _ROUNDING_PX)
@@ -86,14 +88,15 @@ def distorted_frame(frame: LabelledFrame, lenses: Lenses) -> LabelledFrame:
 
 def compare_lenses(frame: LabelledFrame, config: DetectorConfig) -> SceneLenses:
     """Run the detector on a frame with each distortion, with and without correction."""
-    figures: dict[frozenset[str], dict[str, Figures]] = {frozenset(): {}, WITHOUT: {}}
+    corrected: dict[str, Figures] = {}
+    uncorrected: dict[str, Figures] = {}
     for name, distortion in DISTORTIONS.items():
         distorted = distorted_frame(frame, lenses_of(frame.camera, distortion))
-        for leave_out, found in figures.items():
-            detector = Detector(frame.camera, config, leave_out=leave_out)
+        for stages, found in ((HYBRID_STAGES, corrected), (ABLATIONS['lenses'], uncorrected)):
+            detector = Detector(frame.camera, config, stages=stages)
             mask = detector.detect(distorted.left, distorted.right).mask
             found[name] = score(mask, distorted.labels, distorted.instances)
-    return SceneLenses(figures[WITHOUT], figures[frozenset()])
+    return SceneLenses(uncorrected, corrected)
 
 
 def lens_table(scenes: Sequence[SceneLenses]) -> Table:

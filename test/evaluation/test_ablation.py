@@ -1,50 +1,245 @@
-"""The hybrid without a stage as a method."""
+"""The hybrid without single stages."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import fields
+from functools import cache
+from typing import NamedTuple
 
+import cv2
 import numpy as np
 import pytest
+import waves
+from synthetic import Box, Dome, Pit, Plane, Scene, hazard_camera, mast, pinhole, render
 
-from rover_obstacle_detection.detection import hybrid
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
+from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion
+from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.errors import ConfigurationError
-from rover_obstacle_detection.evaluation.methods import detector_method
-from rover_obstacle_detection.evaluation.methods.ablation import ablated_methods, left_out_stage
+from rover_obstacle_detection.evaluation.methods.ablation import (
+    ABLATIONS,
+    ablated_methods,
+    left_out_stage,
+)
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 from rover_obstacle_detection.evaluation.methods.registry import make_method
 
-
-@pytest.fixture
-def stages(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, object]]:
-    """Two optional stages, and a detector that records its arguments."""
-    made = []
-
-    def detector(camera, config, **changes):
-        made.append({'method': config.method, **changes})
-        blank = SimpleNamespace(mask=np.zeros((2, 2), np.uint8))
-        return SimpleNamespace(camera=camera, detect=lambda left, right: blank)
-
-    monkeypatch.setattr(hybrid, 'OPTIONAL_STAGES', ('regions', 'outlines'), raising=False)
-    monkeypatch.setattr(detector_method, 'Detector', detector)
-    return made
+BLOCK = mast(solids=(Box(0.0, 1.2, 0.3, 0.3, 0.3),))
+ROCKS = mast(solids=(Box(0.35, 1.4, 0.25, 0.25, 0.22), Dome(-0.3, 1.0, 0.2)), solid_brightness=0.3)
+STEEP = mast(planes=(Plane.uphill(26),))
+HOLE = mast(camera=pinhole(320, 240, 60.0, 0.15), pits=(Pit(0, 1.1, 0.8, 0.8, 0.4),))
+# Reaches beyond the first layer of the survey.
+AHEAD = Scene(pinhole(160, 120, 60.0, 0.12), 25.0, 0.6)
+BANK = Scene(
+    pinhole(320, 240, 60.0, 0.15), 40.0, 1.0, planes=(Plane(), Plane.uphill(35, start_y=1.5))
+)
 
 
-def test_stage_is_left_out_by_name(stages: list[dict[str, object]]) -> None:
-    assert ablated_methods() == ('hybrid', 'hybrid without regions', 'hybrid without outlines')
-    assert left_out_stage('hybrid without regions') == 'regions'
-    assert left_out_stage('hybrid without taste') is None
-    assert left_out_stage('regions') is None
-    for name in ablated_methods()[:2]:
-        make_method(name, DetectorConfig(method='study'))(None, None, None)
-    assert stages == [
-        {'method': 'hybrid'},
-        {'method': 'hybrid', 'leave_out': frozenset({'regions'})},
+class Case(NamedTuple):
+    """A pair on which a stage matters, and a product that changes without it."""
+
+    scene: Scene
+    product: str
+    left: np.ndarray
+    right: np.ndarray
+    config: DetectorConfig = DetectorConfig()
+    gravity: bool = True
+
+    @classmethod
+    def of(cls, scene, product, gravity=True, **config):
+        view = render(scene)
+        return cls(scene, product, view.left, view.right, DetectorConfig(**config), gravity)
+
+    def detect(self, stages=HYBRID_STAGES):
+        return Detector(self.scene.camera, self.config, stages=stages).detect(
+            self.left, self.right, gravity=self.scene.gravity if self.gravity else None
+        )
+
+
+def row_off():
+    view = render(BLOCK)
+    return Case(BLOCK, 'disparity', view.left, np.roll(view.right, 1, axis=0))
+
+
+def distorted():
+    scene = mast(640, 480)
+    view, lens = render(scene), LensDistortion(0.0, -0.06)
+    places = waves.straight_right(scene.camera, *np.meshgrid(np.arange(640), np.arange(480)), lens)
+    columns, rows = (each.astype(np.float32) for each in places)
+    right = cv2.remap(view.right, columns, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return Case(scene, 'disparity', view.left, right)
+
+
+def hidden_rock_centre():
+    """The right image shows something else than the middle of the dome."""
+    view = render(ROCKS)
+    left, right = view.left.copy(), view.right.copy()
+    rows, columns = np.nonzero(view.surface == 2)
+    row, column = int(rows.mean()), int(columns.mean())
+    left[row - 12 : row + 12, column - 12 : column + 12] = np.median(left[rows, columns])
+    noise = np.random.default_rng(3).integers(0, 256, (28, 48))
+    right[row - 14 : row + 14, column - 40 : column + 8] = noise
+    return Case(ROCKS, 'cues', left, right, DetectorConfig(P1=300.0, P2=1200.0))
+
+
+def dark_patch():
+    """The right image shows something else than a dark patch of ground."""
+    view, generator = render(ROCKS), np.random.default_rng(3)
+    left, right = view.left.copy(), view.right.copy()
+    right[170:220, 100:230] = generator.integers(0, 256, (50, 130))
+    left[170:220, 120:230] = generator.integers(4, 12, (50, 110))
+    config = DetectorConfig(min_seed_points=100_000, P1=300.0, P2=1200.0)
+    return Case(ROCKS, 'cues', left, right, config)
+
+
+CASES = {
+    'noise': lambda: Case.of(BLOCK.with_(noise=12.0), 'disparity'),
+    'rows': row_off,
+    'lenses': distorted,
+    'subpixel': lambda: Case.of(BLOCK, 'disparity'),
+    'layers': lambda: Case.of(AHEAD, 'height'),
+    'vertical': lambda: Case.of(BANK, 'cues', gravity=False),
+    'slope': lambda: Case.of(STEEP, 'cues'),
+    'drop': lambda: Case.of(HOLE, 'cues'),
+    'outlines': lambda: Case.of(BLOCK, 'rock_probability'),
+    'parallax': lambda: Case.of(BLOCK, 'rock_probability'),
+    'sight': lambda: Case.of(BLOCK, 'rock_probability'),
+    'regions': hidden_rock_centre,
+    'grey level': dark_patch,
+    'doubt': lambda: Case.of(hazard_camera(noise=4.0), 'cues', max_slope=5.0),
+}
+
+
+@cache
+def detected(stage):
+    """The detection with all stages, and without the one that the case is made for."""
+    case = CASES[stage]()
+    return case.detect(), case.detect(ABLATIONS[stage])
+
+
+def test_every_ablation_has_a_case():
+    assert list(CASES) == list(ABLATIONS)
+
+
+def test_every_stage_of_the_hybrid_is_ablated_by_itself():
+    changed = [
+        {
+            each.name
+            for each in fields(HybridStages)
+            if getattr(stages, each.name) is not getattr(HYBRID_STAGES, each.name)
+        }
+        for stages in ABLATIONS.values()
     ]
+    assert all(len(names) == 1 for names in changed)
+    assert set.union(*changed) == {each.name for each in fields(HybridStages)}
 
 
-def test_unknown_stage_is_refused(stages: list[dict[str, object]]) -> None:
-    with pytest.raises(ConfigurationError, match="method is 'hybrid without taste'"):
-        make_method('hybrid without taste')
+@pytest.mark.parametrize('stage', CASES)
+def test_result_changes_without_the_stage(stage):
+    whole, part = detected(stage)
+    product = CASES[stage]().product
+    assert not np.array_equal(getattr(whole, product), getattr(part, product), equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ('stage', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP), ('regions', Cue.REGION)]
+)
+def test_without_a_cue_only_that_cue_is_missing(stage, cue):
+    whole, part = detected(stage)
+    assert (whole.cues & cue).any()
+    np.testing.assert_array_equal(part.cues, whole.cues & ~np.uint8(cue))
+
+
+def test_without_grey_level_the_dark_patch_is_judged_by_sight_alone():
+    whole, part = detected('grey level')
+    dark = (whole.cues & Cue.GREY_LEVEL) > 0
+    by_sight = (part.cues & Cue.GREY_LEVEL) > 0
+    assert not (by_sight & ~dark).any()
+    assert by_sight.sum() < dark.sum()
+
+
+def test_without_rows_nothing_of_the_rectification_is_corrected():
+    whole, part = detected('rows')
+    assert whole.alignment.offset_px == pytest.approx(1, abs=0.1)
+    assert part.alignment.offset_px == 0
+
+
+def test_without_lenses_rows_are_still_corrected():
+    whole, part = detected('lenses')
+    assert whole.lenses
+    assert not part.lenses
+    assert part.alignment.offset_px != 0
+
+
+def test_without_subpixel_the_noise_is_that_of_matching():
+    _, part = detected('subpixel')
+    ground = (part.disparity > 0) & (np.abs(part.height) < 0.01)
+    expected = part.ground.height_m * 0.125 / part.disparity[ground]
+    # The ground seems to tilt a little, which changes the noise a little.
+    off = np.abs(part.height_noise[ground] / expected - 1)
+    assert np.median(off) < 0.02
+    assert np.quantile(off, 0.99) < 0.1
+
+
+def test_without_vertical_the_normal_of_the_plane_is_up():
+    whole, part = detected('vertical')
+    assert part.ground.up == part.ground.normal
+    assert whole.ground.up != whole.ground.normal
+    assert whole.ground.normal == part.ground.normal
+
+
+def test_without_outlines_height_outlines_the_rock():
+    whole, part = detected('outlines')
+    outlined = np.isfinite(part.rock_probability)
+    np.testing.assert_allclose(part.rock_probability[outlined], 0.6)
+    assert ((part.mask > 0) <= outlined).all()
+    assert np.count_nonzero(part.mask & whole.mask) > 0.8 * np.count_nonzero(whole.mask)
+
+
+def test_without_sight_no_rock_is_accepted_by_its_looks():
+    whole, part = detected('sight')
+    limit = RockParameters().accepted_probability
+    assert np.nanmax(whole.rock_probability) > limit
+    # Where height overrules the network, looks do not count.
+    assert np.nanmax(part.rock_probability[part.rock_probability < 1]) < limit
+    seen = np.isfinite(whole.rock_probability) & (whole.rock_probability < limit - 0.01)
+    np.testing.assert_array_equal(part.rock_probability[seen], whole.rock_probability[seen])
+
+
+def test_without_doubt_noisy_ground_has_steep_specks():
+    whole, part = detected('doubt')
+    assert not whole.mask.any()
+    assert part.mask.any()
+    assert part.confidence[part.mask > 0].min() < 0.9
+
+
+def test_hybrid_itself_is_the_default():
+    assert HybridStages() == HYBRID_STAGES
+    view = render(BANK)
+    hybrid = make_method('hybrid', DetectorConfig(method='study'))
+    mask = hybrid(BANK.camera, view.left, view.right)
+    found = Detector(BANK.camera).detect(view.left, view.right)
+    np.testing.assert_array_equal(mask, found.mask)
+
+
+def test_ablated_methods_are_made_by_name():
+    assert ablated_methods()[:3] == ('hybrid', 'hybrid without noise', 'hybrid without rows')
+    assert len(ablated_methods()) == 1 + len(ABLATIONS)
+    assert left_out_stage('hybrid without grey level') == 'grey level'
+    view = render(BANK)
+    method = make_method('hybrid without slope', DetectorConfig(method='study'))
+    expected = Detector(BANK.camera, stages=ABLATIONS['slope']).detect(view.left, view.right)
+    mask = method(BANK.camera, view.left, view.right)
+    np.testing.assert_array_equal(mask, expected.mask)
+    assert (Detector(BANK.camera).detect(view.left, view.right).mask != mask).any()
+
+
+@pytest.mark.parametrize('name', ['hybrid without taste', 'regions', 'hybrid without hybrid'])
+def test_other_stages_cannot_be_left_out(name):
+    assert left_out_stage(name) is None
+    with pytest.raises(ConfigurationError, match=f"method is '{name}'"):
+        make_method(name)
     assert not set(ablated_methods()[1:]) & set(METHOD_DESCRIPTIONS)

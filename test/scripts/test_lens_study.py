@@ -20,6 +20,7 @@ from studies.scene_studies import study_lenses
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.rectification.lens_distortion import STRAIGHT_LENSES
+from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.evaluation.figures import Figures
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED
 
@@ -55,7 +56,8 @@ def test_each_image_has_its_own_distortion_and_labels_follow_the_left_one():
     assert (distorted.labels[inside] == frame.labels[nearest]).mean() > 0.999
     assert (distorted.instances > 0).sum() == ((distorted.labels == 1) & inside).sum()
     assert np.abs(distorted.left.astype(float)[inside] - frame.left[nearest]).mean() < 15
-    places = lenses.straight_right_places(frame.camera)
+    _, right_view = lenses.views(frame.camera)
+    places = right_view.straight_places(RectificationParameters())
     columns, rows = (np.rint(np.nan_to_num(each, nan=-1)).astype(int) for each in places)
     inside = (columns >= 0) & (columns < frame.camera.width)
     inside &= (rows >= 0) & (rows < frame.camera.height)

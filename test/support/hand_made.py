@@ -1,4 +1,4 @@
-"""Small scenes and recordings made by hand, for the tests of replay, detect and pictures."""
+"""Small scenes, detections and recordings made by hand."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.result.cue import Cue
-from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
+from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.messages.header import make_header
 from rover_obstacle_detection.messages.image import encode_image
 
@@ -22,43 +24,60 @@ CAMERA = SCENE.camera
 FIRST_STAMP_NS = 1_700_000_000_000_000_000
 
 
-def small_detection(camera=None, **products):
-    """A detection of 48 x 64 pixels: one obstacle of 12 x 14, two columns not judged."""
+def small_detection(camera=None, **changes):
+    """A detection of 48 x 64 pixels: one obstacle of 12 x 14, two columns not judged.
+
+    `changes` replace fields of the detection, or its regions, seeds, roughness and step.
+    """
     shape = (48, 64)
     camera = camera or StereoCamera(64, 48, 60.0, 60.0, 31.5, 23.5, 0.1)
-    mask = np.zeros(shape, np.uint8)
-    mask[32:44, 30:44] = 255
-    disparity = np.full(shape, 3.0, np.float32)
-    disparity[mask > 0] = 4.0
+    obstacle = np.zeros(shape, bool)
+    obstacle[32:44, 30:44] = True
+    disparity = np.where(obstacle, 4.0, 3.0).astype(np.float32)
     disparity[:, :2] = 0
-    height = np.where(mask > 0, 0.21, 0.0).astype(np.float32)
-    regions = np.ones(shape, np.int32)
-    regions[mask > 0] = 2
     up = Gravity.from_angles(46.0).up
-    made = {
+    fields = {
+        'parameters': DetectorParameters.from_config(DetectorConfig()),
+        'ground': GroundPlane(up, 1.0, up),
         'grey': np.full(shape, 100, np.uint8),
         'disparity': disparity,
-        'regions': regions,
+        'height': np.where(obstacle, 0.21, 0.0).astype(np.float32),
+        'height_noise': np.full(shape, 0.01, np.float32),
+        'cues': obstacle * np.uint8(Cue.HEIGHT),
+        'known': disparity > 0,
+        'mask': obstacle * np.uint8(OBSTACLE),
+    }
+    products = {
+        'regions': np.where(obstacle, 2, 1).astype(np.int32),
         'seeds': np.ones(shape, bool),
         'roughness': np.full(shape, 0.001, np.float32),
         'step': np.full(shape, 0.002, np.float32),
-        'height': height,
-        'height_noise': np.full(shape, 0.01, np.float32),
-        'cues': (mask > 0).astype(np.uint8) * np.uint8(Cue.HEIGHT),
-        'known': disparity > 0,
-        'mask': mask,
-        **products,
     }
-    return Detection(camera, DetectorConfig(), GroundPlane(up, 1.0, up), made)
+    products = {name: changes.pop(name, product) for name, product in products.items()}
+    fields |= changes
+    fields.setdefault('rock_probability', np.full(fields['mask'].shape, np.nan, np.float32))
+    study = StudyProducts(
+        fields['grey'],
+        fields['disparity'],
+        camera,
+        fields['ground'].up_vector,
+        lambda grey: products['regions'],
+        fields['parameters'].study,
+        fields['parameters'].regions.min_seed_points,
+    )
+    # Given products take the place of those computed on first access.
+    vars(study).update(products)
+    return Detection(camera=camera, study=study, **fields)
 
 
 def stereo_images():
-    """Images of a block on flat ground."""
+    """Left and right image of a block on flat ground."""
     view = render(SCENE)
     return view.left, view.right
 
 
 def camera_info(factory, header, side, camera=CAMERA, **changes):
+    """`CameraInfo` of one side; `changes` replace fields of the message."""
     fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
     shift = -fx * camera.baseline_m if side == 'right' else 0.0
     fields = {
@@ -89,7 +108,8 @@ def write_stereo_bag(
 ):
     """Write a recording of a stereo camera in ``/cam``.
 
-    `change_image(index, side, message)` and `change_info(side, message)` may spoil messages.
+    `change_image(index, side, message)` and `change_info(side, message)` may change a message
+    before it is written.
     """
     images = images or [stereo_images()]
     with BagWriter(path) as bag:
@@ -119,7 +139,7 @@ def write_stereo_bag(
 
 
 def write_calibration(folder: Path, camera=CAMERA):
-    """Write the two calibration files of a camera."""
+    """Write the calibration files of both cameras and return their paths."""
     for side in ('left', 'right'):
         shift = -camera.fx * camera.baseline_m if side == 'right' else 0.0
         intrinsic = [camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1]

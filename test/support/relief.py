@@ -1,6 +1,6 @@
-"""Disparity of ground whose height is a function of the place, as an eye over it sees it.
+"""Disparity of ground whose height is a function of the place, and its survey.
 
-World frame as in `synthetic`: x right, y forward, z up, the origin under the left eye at z = 0.
+World frame as in `synthetic`: x right, y forward, z up. The origin lies under the left camera.
 """
 
 from __future__ import annotations
@@ -11,20 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 from synthetic import pinhole
 
-from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
+from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
 CAMERA = pinhole(200, 150, 60.0, 0.15)
+PARAMETERS = TerrainParameters()
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Eye:
-    """Where the left eye is; its height is over z = 0."""
+class PosedCamera:
+    """A stereo camera above the ground; its height is over z = 0."""
 
     camera: StereoCamera = CAMERA
     pitch_deg: float = 30.0
@@ -47,18 +51,14 @@ class Eye:
     def level_ground(self) -> GroundPlane:
         return GroundPlane(self.up, self.height_m, self.up)
 
-    def expected(self, ground: GroundPlane | None = None) -> np.ndarray:
-        plane = DisparityPlane.from_ground(ground or self.level_ground, self.camera)
-        return plane.disparity(self.camera)
-
-    def look(self, height: Height, farthest_m=40.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Disparity of each pixel and the place x, y that it shows; 0 where it sees no ground."""
+    def look(self, height: Height) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Disparity of each pixel and the x, y that it shows; 0 where it shows no ground."""
         x_over_z, y_over_z = self.camera.rays()
         rays = np.stack(np.broadcast_arrays(x_over_z, y_over_z, np.float32(1)), axis=-1)
         x_step, y_step, z_step = np.moveaxis(rays @ self.axes.T, -1, 0)
         nearest, over = np.zeros(self.camera.shape), np.full(self.camera.shape, self.height_m)
         depth = np.zeros(self.camera.shape)
-        for farther in np.geomspace(0.1, farthest_m, 500):
+        for farther in np.geomspace(0.1, 40.0, 500):
             z = self.height_m + farther * z_step - height(farther * x_step, farther * y_step)
             landed = (depth == 0) & (z <= 0)
             share = over / np.where(landed, over - z, 1)
@@ -69,17 +69,29 @@ class Eye:
         disparity[seen] = self.camera.disparity_at(1.0) / depth[seen]
         return disparity, depth * x_step, depth * y_step
 
-    def survey(self, height: Height, noise_px=0.05, ground=None, layered=True, **config):
-        """Survey the ground seen without any error, and the place that each pixel shows."""
-        disparity, x, y = self.look(height)
+    def stereo(self, disparity: np.ndarray, noise_px=0.05, ground=None) -> Stereo:
+        """Make a disparity the result of matching, by default over z = 0. The images are black."""
+        black = np.zeros(self.camera.shape, np.uint8)
         ground = ground or self.level_ground
-        noise = np.full_like(disparity, noise_px)
-        expected = self.expected(ground)
-        settings = DetectorConfig(**config)
-        terrain = survey(
-            disparity, noise, expected, self.camera, ground, settings, layered=layered
+        return Stereo(
+            Frame((black, black), self.camera),
+            ground,
+            DisparityPlane.from_ground(ground, self.camera).disparity(self.camera),
+            disparity,
+            np.broadcast_to(np.float32(noise_px), disparity.shape),
+            grey_noise=1.0,
+            texture=0.0,
         )
-        return terrain, disparity, x, y
+
+    def survey(
+        self, height: Height, noise_px=0.05, ground=None, parameters=PARAMETERS
+    ) -> tuple[Terrain, np.ndarray, np.ndarray, np.ndarray]:
+        """Survey ground matched without error.
+
+        Returns the terrain, and each pixel's disparity, x and y.
+        """
+        disparity, x, y = self.look(height)
+        return survey(self.stereo(disparity, noise_px, ground), parameters), disparity, x, y
 
 
 def flat(x, y):
@@ -91,7 +103,10 @@ def tilted(rise_x=0.0, rise_y=0.0) -> Height:
 
 
 def bank(angle_deg, start_m, softness_m=0.0) -> Height:
-    """Level ground that rises (or falls) from a distance on, over the softness to either side."""
+    """Level ground that rises (or falls) from a distance on.
+
+    The slope changes over about the softness to either side.
+    """
     rise = np.tan(np.radians(angle_deg))
 
     def height(x, y):
@@ -103,7 +118,7 @@ def bank(angle_deg, start_m, softness_m=0.0) -> Height:
 
 
 def block(x, y, size_m, height_m) -> Height:
-    """An upright block (or hole), its centre at a place."""
+    """An upright block (or hole) centred at x, y."""
     half = size_m / 2
     return lambda at_x, at_y: height_m * (np.maximum(abs(at_x - x), abs(at_y - y)) < half)
 

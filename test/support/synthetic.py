@@ -1,10 +1,9 @@
 """Stereo pairs of simple scenes whose depth and obstacles are known exactly.
 
-Both eyes are rendered from the geometry alone: each casts its own rays at planes, boxes, domes
-and pits, and reads a solid texture (a function of the position in the world) where they land. The
-right image is never made from the left one.
+Each image is rendered on its own, by casting rays at planes, boxes, domes and pits. The texture is
+solid: a function of the position in the world. The right image is never made from the left one.
 
-World frame: x right, y forward, z up, the origin on the ground under the left eye.
+World frame: x right, y forward, z up. The origin lies on the ground under the left camera.
 """
 
 from __future__ import annotations
@@ -24,7 +23,10 @@ NOTHING = -1
 
 @dataclass(frozen=True)
 class Plane:
-    """Ground ``z = height + rise_x * x + rise_y * y``; several planes are joined at the top."""
+    """Ground at ``z = height + rise_x * x + rise_y * y``.
+
+    Several planes form their upper envelope.
+    """
 
     rise_x: float = 0.0
     rise_y: float = 0.0
@@ -60,7 +62,7 @@ class Dome:
 
 @dataclass(frozen=True)
 class Pit:
-    """A hole with upright walls in the first plane, which has to be level at z = 0."""
+    """A hole with upright walls in the first plane, which must be level at z = 0."""
 
     x: float
     y: float
@@ -91,10 +93,10 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One pair and its truth, all in the left eye.
+    """One pair, and the ground truth of the left image.
 
-    ``surface`` is 0 on the planes, 1, 2, ... on the solids, then on the pits; -1 in the sky.
-    ``height_m`` is the z of the point seen. Depth and height are NaN in the sky.
+    ``surface`` is 0 on the planes; 1, 2, ... on the solids, then on the pits; -1 in the sky.
+    ``height_m`` is the z of the visible point. Depth and height are NaN in the sky.
     """
 
     scene: Scene
@@ -115,7 +117,7 @@ class View:
 
 
 def pinhole(width, height, fov_deg, baseline_m, *, offset=0.0, shift=(0.0, 0.0)) -> StereoCamera:
-    """Camera with square pixels; ``offset`` is the disparity of infinity."""
+    """Camera with square pixels; ``offset`` is the disparity at infinity."""
     focal = height / (2 * math.tan(math.radians(fov_deg) / 2))
     cx, cy = (width - 1) / 2 + shift[0], (height - 1) / 2 + shift[1]
     return StereoCamera(
@@ -129,14 +131,14 @@ def mast(width=320, height=240, **changes) -> Scene:
 
 
 def hazard_camera(width=320, height=240, **changes) -> Scene:
-    """Wide-angle eyes close to the ground."""
+    """Look at the ground from 0.5 m with a wide-angle camera."""
     return Scene(pinhole(width, height, 80.0, 0.10), 35.0, 0.5).with_(**changes)
 
 
 @cache
 def render(scene: Scene) -> View:
-    left, depth, height, surface = _eye(scene, 0.0, scene.camera.cx, seed=1)
-    right, *_ = _eye(scene, scene.camera.baseline_m, scene.camera.cx_right, seed=2)
+    left, depth, height, surface = _image(scene, 0.0, scene.camera.cx, seed=1)
+    right, *_ = _image(scene, scene.camera.baseline_m, scene.camera.cx_right, seed=2)
     view = View(scene, left, right, depth, height, surface)
     for array in (left, right, depth, height, surface):
         array.flags.writeable = False
@@ -163,10 +165,10 @@ def _axes(scene):
     )
 
 
-def _eye(scene, offset_m, cx, seed):
+def _image(scene, offset_m, cx, seed):
     camera, axes = scene.camera, _axes(scene)
     columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    # The step along a ray is its depth: its share of the optical axis is 1.
+    # The rays have a length of 1 along the optical axis: a multiple of a ray is a depth.
     rays = (
         ((columns - cx) / camera.fx)[..., np.newaxis] * axes[0]
         + ((rows - camera.cy) / camera.fy)[..., np.newaxis] * axes[1]
@@ -254,7 +256,7 @@ _LATTICE = np.random.default_rng(0).uniform(-1, 1, (64, 64, 64)).astype(np.float
 
 
 def _texture(points, footprint):
-    """Solid value noise; octaves finer than two pixels fade out, alike in both eyes."""
+    """Solid value noise; octaves finer than two pixels fade out."""
     total = np.zeros(points.shape[:2], np.float32)
     for octave, cell_m in enumerate(_OCTAVES_M):
         sharp = np.clip(cell_m / (2 * footprint) - 0.5, 0, 1).astype(np.float32)

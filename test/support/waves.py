@@ -1,4 +1,8 @@
-"""Stereo pairs of one plane, its texture a sum of waves: exact at any fraction of a pixel."""
+"""Stereo pairs of one plane whose texture is a sum of waves: exact at any fraction of a pixel.
+
+Here ``lens`` is the `LensDistortion` of an image. A *straight* place is where a lens without
+distortion would show the point.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +23,8 @@ WAVES = 60
 def texture(columns, rows, *, towards_deg=(0.0, 180.0), shortest_px=5.0, contrast=30.0):
     """Grey level around 128 with a standard deviation of ``contrast``.
 
-    Waves of ``shortest_px`` to 30 px run towards angles out of an interval, 0 to the right and
-    90 down: with a narrow one all the texture slants the same way.
+    Waves of ``shortest_px`` to 30 px run in directions between two angles, 0 to the right and 90
+    down. Between close angles all the texture slants the same way.
     """
     generator = np.random.default_rng(0)
     lengths = np.geomspace(shortest_px, 30, WAVES)
@@ -48,14 +52,14 @@ def stereo_pair(
     brighter=0.0,
     **look,
 ):
-    """Left and right image; ``alignment`` is what the right one's rows are off."""
+    """Left and right image; the right image's rows are off by ``alignment``."""
     columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     left = texture(*straight_left(camera, columns, rows, lenses.left), **look)
     columns, rows = straight_right(camera, columns, rows, lenses.right)
-    # Which left pixel a right one shows: column and row depend on each other through both.
+    # The left pixel that each right pixel shows: its column and row depend on each other.
     straight = rows - alignment.offset_px + alignment.turn * camera.cx
     seen_at = columns + camera.disparity_offset + plane.level - plane.slope_u * camera.cx
-    # A turn moves columns as well: rows further down lie further to the left.
+    # A turn also moves columns: lower rows lie further to the left.
     down = plane.slope_v + alignment.turn
     seen_at += down * (straight - camera.cy)
     seen_at /= 1 - plane.slope_u + down * alignment.turn
@@ -64,18 +68,13 @@ def stereo_pair(
 
 
 def straight_left(camera: StereoCamera, columns, rows, lens: LensDistortion):
-    """Where a straight lens would show what the left eye shows at some places."""
+    """Straight places of some places in the left image."""
     return _straight(camera, camera.cx, columns, rows, lens)
 
 
 def straight_right(camera: StereoCamera, columns, rows, lens: LensDistortion):
-    """Where a straight lens would show what the right eye shows at some places."""
+    """Straight places of some places in the right image."""
     return _straight(camera, camera.cx - camera.disparity_offset, columns, rows, lens)
-
-
-def seen_right(camera: StereoCamera, columns, rows, lens: LensDistortion):
-    """Where the right eye shows what a straight lens would show at some places."""
-    return _seen(camera, camera.cx - camera.disparity_offset, columns, rows, lens)
 
 
 def disparity_seen(
@@ -84,16 +83,17 @@ def disparity_seen(
     alignment: RowAlignment = STRAIGHT,
     lenses: Lenses = STRAIGHT_LENSES,
 ):
-    """How far to the left of each left pixel the right eye shows the same, as matching finds it.
+    """Disparity of the distorted pair, as matching finds it.
 
-    For rows that are little off: what they do to the column is left out.
+    Only for rows that are slightly off: their effect on the column is ignored.
     """
     columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     straight = straight_left(camera, columns, rows, lenses.left)
     at, down = straight[0] - camera.cx, straight[1] - camera.cy
     disparity = plane.level + plane.slope_u * at + plane.slope_v * down
     reached = straight[0] - disparity - camera.disparity_offset - alignment.turn * down
-    seen, _ = seen_right(camera, reached, straight[1], lenses.right)
+    right_cx = camera.cx - camera.disparity_offset
+    seen, _ = _seen(camera, right_cx, reached, straight[1], lenses.right)
     return (columns - seen - camera.disparity_offset).astype(np.float32)
 
 

@@ -1,1 +1,1 @@
-"""Cameras, planes and points: from disparity to metres."""
+"""Cameras, the ground plane and points: from disparity to metres."""

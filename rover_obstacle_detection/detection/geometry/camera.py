@@ -14,7 +14,7 @@ from rover_obstacle_detection.errors import CameraError
 
 
 class RegionOfInterest(Protocol):
-    """The part of ``sensor_msgs/RegionOfInterest`` that matters here."""
+    """The fields of ``sensor_msgs/RegionOfInterest`` that are used."""
 
     x_offset: int
     y_offset: int
@@ -24,7 +24,7 @@ class RegionOfInterest(Protocol):
 
 @dataclass(frozen=True)
 class StereoCamera:
-    """A rectified stereo pair: same focal lengths, same rows, the right eye to the right.
+    """A rectified stereo camera: same focal lengths and rows, the right camera to the right.
 
     Pixel centres lie at integers, so an ideal principal point is ``(width - 1) / 2``.
 
@@ -33,19 +33,18 @@ class StereoCamera:
     width, height : int
         Size of both images, pixels.
     fx, fy : float
-        Focal lengths of both eyes, pixels.
+        Focal lengths of both cameras, pixels.
     cx, cy : float
-        Principal point of the left eye, pixels.
+        Principal point of the left camera, pixels.
     baseline_m : float
-        Distance of the right optical centre from the left one along x, metres.
+        Distance of the right optical centre from the left one along x.
     cx_right : float, optional
-        Principal point column of the right eye where it differs from the left one's.
+        Column of the right camera's principal point. By default, that of the left camera.
 
     Raises
     ------
     CameraError
-        If a number is not finite, a size or focal length is not positive, or the baseline is not
-        positive.
+        If a number is not finite, or a size, focal length or the baseline is not positive.
     """
 
     width: int
@@ -76,16 +75,18 @@ class StereoCamera:
     def from_camera_info(cls, left: object, right: object) -> StereoCamera:
         """Read the calibration from two ``sensor_msgs/CameraInfo``-like objects.
 
-        Anything with ``width``, ``height`` and ``p`` (or ``P``), and optionally ``binning_x``,
-        ``binning_y`` and ``roi``, will do: messages of rclpy, of rosbags, or a plain namespace.
-        Binning and region of interest are applied as ``image_geometry`` does: the offset first,
-        then the division by the binning.
+        Parameters
+        ----------
+        left, right : object
+            Message of rclpy or rosbags, or any object with ``width``, ``height`` and ``p`` (or
+            ``P``). ``binning_x``, ``binning_y`` and ``roi`` are optional. They are applied as in
+            ``image_geometry``: first the offset is subtracted, then the binning divides.
 
         Raises
         ------
         CameraError
-            Naming the field, if the projection matrices are zero, not finite or contradict each
-            other, or the sizes differ.
+            If a projection matrix is zero or not finite, or left and right contradict each other.
+            The message names the field.
         """
         p_left = _projection(left, 'left')
         p_right = _projection(right, 'right')
@@ -124,19 +125,19 @@ class StereoCamera:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Image size as an array has it: ``(height, width)``."""
+        """Shape of an image array: ``(height, width)``."""
         return self.height, self.width
 
     def depth_m(self, disparity: float) -> float:
-        """Distance along the optical axis of a disparity (offset already taken off)."""
+        """Depth along the optical axis of a disparity without the camera's offset."""
         return self.fx * self.baseline_m / disparity
 
     def disparity_at(self, depth_m: float) -> float:
-        """Disparity, offset already taken off, of a distance along the optical axis."""
+        """Disparity, without the camera's offset, of a depth along the optical axis."""
         return self.fx * self.baseline_m / depth_m
 
     def resized(self, width: int, height: int) -> StereoCamera:
-        """Return the same camera with images resampled to another size (area, not cropped)."""
+        """Return the camera of images resampled to another size, not cropped."""
         scale_x, scale_y = width / self.width, height / self.height
         assert self.cx_right is not None
         return StereoCamera(
@@ -151,7 +152,7 @@ class StereoCamera:
         )
 
     def rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Direction of each column and row.
+        """Compute the direction of each column and row.
 
         Returns
         -------
@@ -209,7 +210,7 @@ def _window(info: object, side: str) -> tuple[tuple[int, int], tuple[int, int], 
 
 
 def _check_rectified(p_left: Sequence[float], p_right: Sequence[float]) -> None:
-    # A pair with other focal lengths or rows is not rectified: disparity would not be depth.
+    # With different focal lengths or rows, disparity would not determine depth.
     for index, name in ((0, 'P[0] (fx)'), (5, 'P[5] (fy)'), (6, 'P[6] (cy)')):
         if abs(p_left[index] - p_right[index]) > 1e-3 * max(abs(p_left[index]), 1.0):
             msg = (

@@ -1,4 +1,4 @@
-"""Which way is up: the vertical and the ground plane in the left optical frame."""
+"""The direction of gravity in the left optical frame."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Gravity:
-    """The vertical as seen by the camera, from a parameter, an IMU or TF.
+    """The vertical in the left optical frame, from parameters, an IMU or TF.
 
     Parameters
     ----------
     up : tuple of float
-        Unit vector against gravity in the left optical frame (x right, y down, z forward).
+        Unit vector against gravity (x right, y down, z forward).
     height_m : float, optional
-        Height of the left eye above the ground, where known.
+        Height of the left camera above the ground, where it is known.
     """
 
     up: tuple[float, float, float]
@@ -25,7 +25,17 @@ class Gravity:
     def from_angles(
         cls, pitch_deg: float, roll_deg: float = 0.0, height_m: float | None = None
     ) -> Gravity:
-        """Make it of the optical axis's angle below the horizon and the clockwise roll."""
+        """Compute the vertical from the camera's mounting angles.
+
+        Parameters
+        ----------
+        pitch_deg : float
+            Angle of the optical axis below the horizon, degrees.
+        roll_deg : float
+            Clockwise roll about the optical axis, degrees.
+        height_m : float, optional
+            Height of the left camera above the ground.
+        """
         pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
         return cls(
             up=(

@@ -1,4 +1,4 @@
-"""The ground plane in space, and the same plane in disparity."""
+"""The ground plane, in space and in disparity."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 
 @dataclass(frozen=True)
 class GroundPlane:
-    """The plane of the ground in view: ``normal . point = -height_m``.
+    """The plane of the visible ground: ``normal . point = -height_m``.
 
     Parameters
     ----------
     normal : tuple of float
-        Unit normal of the ground, upward, in the left optical frame.
+        Upward unit normal in the left optical frame.
     height_m : float
-        Distance of the left eye from the plane, metres.
+        Distance of the left optical centre from the plane.
     up : tuple of float
-        Unit vector against gravity; the normal itself where gravity is estimated.
+        Unit vector against gravity. The normal itself where gravity is not known.
     """
 
     normal: tuple[float, float, float]
@@ -37,26 +37,26 @@ class GroundPlane:
 
     @property
     def slope_deg(self) -> float:
-        """Slope of the plane against the horizontal, degrees."""
+        """Slope of the plane relative to the horizontal, degrees."""
         cosine = float(np.dot(self.normal, self.up))
         return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
 
     @property
     def up_vector(self) -> NDArray[np.float32]:
-        """The vertical as an array, shape (3,)."""
+        """The vertical as an array of float32, shape (3,)."""
         return np.asarray(self.up, np.float32)
 
 
 @dataclass(frozen=True)
 class DisparityPlane:
-    """A plane in space as a plane in disparity: ``d = a (u - cx) + b (v - cy) + c``.
+    """A plane in space, expressed in disparity: ``d = a (u - cx) + b (v - cy) + c``.
 
     Parameters
     ----------
     slope_u, slope_v : float
-        Change of disparity per column and row.
+        Change of disparity per column and row (a and b).
     level : float
-        Disparity at the principal point, pixels.
+        Disparity at the principal point (c), pixels.
     """
 
     slope_u: float
@@ -65,19 +65,28 @@ class DisparityPlane:
 
     @classmethod
     def from_ground(cls, ground: GroundPlane, camera: StereoCamera) -> DisparityPlane:
-        """Carry a plane in space into disparity."""
+        """Convert a plane in space to disparity."""
         scale = -camera.fx * camera.baseline_m / ground.height_m
         x, y, z = ground.normal
         return cls(scale * x / camera.fx, scale * y / camera.fy, scale * z)
 
     def disparity(self, camera: StereoCamera) -> NDArray[np.float32]:
-        """Disparity of the plane at each pixel, below zero above the horizon."""
+        """Compute the disparity of the plane at each pixel.
+
+        Returns
+        -------
+        ndarray of float32, shape (height, width)
+            Pixels; below 0 above the horizon.
+        """
         columns = (np.arange(camera.width) - camera.cx)[np.newaxis]
         rows = (np.arange(camera.height) - camera.cy)[:, np.newaxis]
         return (self.slope_u * columns + self.slope_v * rows + self.level).astype(np.float32)
 
     def in_space(self, camera: StereoCamera, gravity: Gravity | None) -> GroundPlane:
-        """Carry the plane into space; without gravity its normal is taken for the vertical."""
+        """Convert the plane to space.
+
+        Without gravity, the plane's normal is used as the vertical.
+        """
         direction = np.array([self.slope_u * camera.fx, self.slope_v * camera.fy, self.level])
         length = float(np.linalg.norm(direction))
         x, y, z = (float(value) for value in -direction / length)

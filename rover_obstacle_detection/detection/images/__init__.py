@@ -1,1 +1,1 @@
-"""What one image tells: grey levels, edges, noise, texture, connected parts."""
+"""Properties of single images: noise, texture, edges and connected components."""

@@ -1,4 +1,4 @@
-"""Connected parts of a mask: how high they stand, how large they are, what they enclose."""
+"""Connected components of a mask: their height, their size and their holes."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 def top_heights(
     height_m: NDArray[np.float32], parts: NDArray[np.int32], share: float
 ) -> NDArray[np.float32]:
-    """Find how high each part stands: the mean of its highest pixels.
+    """Average the highest pixels of each component.
 
     Parameters
     ----------
     height_m : ndarray of float32, shape (height, width)
         Metres.
     parts : ndarray of int32, shape (height, width)
-        Number of each pixel's part; 0 is none.
+        Component of each pixel; 0 is none.
     share : float
-        Share of a part's pixels that are averaged, at least one.
+        Share of a component's pixels that are averaged, at least one pixel.
 
     Returns
     -------
-    ndarray of float32, shape (parts + 1,)
-        Metres; 0 for numbers without a pixel.
+    ndarray of float32, shape (components + 1,)
+        Metres; 0 for components without a pixel.
     """
     flat = parts.ravel()
     inside = np.flatnonzero(flat)
@@ -34,7 +34,7 @@ def top_heights(
         return tops
     count = np.bincount(number, minlength=tops.size)
     first = np.concatenate(([0], np.cumsum(count)))[:-1]
-    # One sort of one key for each pixel: by part, the highest first.
+    # One key per pixel sorts by component, then by descending height.
     span = 1 + height.max() - height.min()
     highest = number * span + (height.max() - height)
     highest.sort()
@@ -47,7 +47,17 @@ def top_heights(
 
 
 def small_parts(mask: NDArray[np.bool_], min_pixels: int) -> NDArray[np.bool_]:
-    """Find the 8-connected parts of a mask that have fewer than ``min_pixels`` pixels."""
+    """Find the 8-connected components with fewer than ``min_pixels`` pixels.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (height, width)
+    min_pixels : int
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+    """
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     small = boxes[:, cv2.CC_STAT_AREA] < min_pixels
     small[0] = False
@@ -57,7 +67,7 @@ def small_parts(mask: NDArray[np.bool_], min_pixels: int) -> NDArray[np.bool_]:
 def high_holes(
     mask: NDArray[np.bool_], height_m: NDArray[np.float32], min_height_m: float
 ) -> NDArray[np.bool_]:
-    """Find the holes of a mask that stand high themselves: no ground, but more of the obstacle.
+    """Find the holes of a mask that are part of the obstacle, as they are high themselves.
 
     Parameters
     ----------
@@ -65,11 +75,15 @@ def high_holes(
     height_m : ndarray of float32, shape (height, width)
         Metres; no NaN.
     min_height_m : float
-        Mean height over which a hole is none.
+        Mean height above which a hole is filled.
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
 
     Notes
     -----
-    A hole is a 4-connected part of the rest that does not touch the border of the image.
+    A hole is a 4-connected component of the background that does not touch the image border.
     """
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(
         (~mask).astype(np.uint8), connectivity=4
@@ -82,7 +96,6 @@ def high_holes(
     inner[0] = False
     if not inner.any():
         return np.zeros_like(mask)
-    flat = labels.ravel()
-    sums = np.bincount(flat, weights=height_m.ravel(), minlength=len(boxes))
+    sums = np.bincount(labels.ravel(), weights=height_m.ravel(), minlength=len(boxes))
     high = inner & (sums > min_height_m * boxes[:, cv2.CC_STAT_AREA])
     return np.asarray(high[labels])

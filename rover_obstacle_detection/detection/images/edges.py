@@ -1,4 +1,4 @@
-"""Where the image has edges at the scale of outlines."""
+"""Edges of an image at the scale of outlines."""
 
 from __future__ import annotations
 
@@ -6,29 +6,30 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-REDUCTION = 2
-SMOOTHING_PX = 1.0
+from rover_obstacle_detection.detection.images.parameters import ImageParameters
 
 
-def edge_strength(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Measure how fast the grey level changes, at half the image's size.
+def edge_strength(grey: NDArray[np.uint8], parameters: ImageParameters) -> NDArray[np.float32]:
+    """Measure the grey-level gradient of the reduced and smoothed image.
 
     Parameters
     ----------
     grey : ndarray of uint8, shape (height, width)
+    parameters : ImageParameters
 
     Returns
     -------
-    ndarray of float32, shape ((height + 1) // 2, (width + 1) // 2)
-        Grey levels per pixel of the smaller image, which is smoothed: an outline drawn a pixel
-        beside an edge still lies on it.
+    ndarray of float32, shape (height / edge_reduction, width / edge_reduction), rounded up
+        Grey levels per pixel of the reduced image. Smoothing widens an edge, so that an outline
+        drawn one pixel beside it still lies on it.
     """
-    # An even size, so that each pixel of the smaller image is two by two of the larger.
-    padding = ((0, grey.shape[0] % REDUCTION), (0, grey.shape[1] % REDUCTION))
-    even = np.pad(grey, padding, mode='edge') if padding != ((0, 0), (0, 0)) else grey
-    size = even.shape[1] // REDUCTION, even.shape[0] // REDUCTION
-    small = cv2.resize(even, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    smooth = cv2.GaussianBlur(small, (0, 0), SMOOTHING_PX)
+    reduction = parameters.edge_reduction
+    # Each pixel of the reduced image has to cover as many pixels as any other.
+    padding = ((0, -grey.shape[0] % reduction), (0, -grey.shape[1] % reduction))
+    padded = np.pad(grey, padding, mode='edge') if np.any(padding) else grey
+    size = padded.shape[1] // reduction, padded.shape[0] // reduction
+    small = cv2.resize(padded, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    smooth = cv2.GaussianBlur(small, (0, 0), parameters.edge_smoothing_px)
     across, down = (
         cv2.Sobel(smooth, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1))
     )

@@ -1,4 +1,4 @@
-"""What the stages work on: a grey 8-bit pair of the camera's size."""
+"""Input images as an 8-bit grey pair of the camera's size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GreyPair = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
 def grey_pair(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> GreyPair:
-    """Check both images against the camera and bring them to 8-bit grey.
+    """Check both images against the camera and convert them to 8-bit grey.
 
     Parameters
     ----------
@@ -26,16 +26,17 @@ def grey_pair(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> 
     Returns
     -------
     tuple of two ndarray of uint8, shape (height, width)
+        Copies, so that the caller may reuse the buffers.
 
     Raises
     ------
     ImageError
-        If a size, a type or a number of channels does not fit.
+        If an image has another size than the camera, another type or number of channels.
 
     Notes
     -----
-    16-bit images are shifted by the bits that the brighter eye uses beyond eight, both alike: a
-    12-bit camera keeps its eight most significant bits.
+    16-bit images keep their eight most significant bits in use. Both are shifted equally, by the
+    bits that the brighter one needs.
     """
     for name, image in (('left', left), ('right', right)):
         _check(name, image, camera)
@@ -44,7 +45,7 @@ def grey_pair(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> 
 
 
 def equalized(pair: GreyPair) -> GreyPair:
-    """Equalise the histogram of each eye (study, section 3.3)."""
+    """Equalise the histogram of each image (study, section 3.3)."""
     return _as_uint8(cv2.equalizeHist(pair[0])), _as_uint8(cv2.equalizeHist(pair[1]))
 
 
@@ -74,7 +75,7 @@ def _to_grey(image: NDArray[Any], shift: int) -> NDArray[np.uint8]:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
     if image.dtype == np.uint16:
         image = np.minimum(image >> shift, 255).astype(np.uint8)
-    # A copy also of what is grey already: the caller may use the buffer again.
+    # A copy even of a grey image: the caller may reuse the buffer.
     return np.array(image, np.uint8, order='C')
 
 

@@ -1,1 +1,1 @@
-"""Residual rectification error: row offset, turn and lens distortion."""
+"""Residual rectification errors, rows that are off and lens distortion, and their correction."""

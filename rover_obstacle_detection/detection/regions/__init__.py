@@ -1,1 +1,1 @@
-"""Mean-shift regions and the pixels that only they can judge."""
+"""Mean-shift regions, and pixels that are judged by their region."""

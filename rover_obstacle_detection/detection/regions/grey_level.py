@@ -1,4 +1,4 @@
-"""Regions without enough 3D are judged by their grey level (study, section 4.2 step 6)."""
+"""Grey-level rule for regions without enough 3D points (study, section 4.2 step 6)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def dark_regions(
     is_seed: NDArray[np.bool_],
     max_grey_level: float,
 ) -> NDArray[np.bool_]:
-    """Find the regions that are no seeds and darker than the threshold.
+    """Find the dark regions among those that are not seeds.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def dark_regions(
         1 and up.
     is_seed : ndarray of bool, shape (regions + 1,)
     max_grey_level : float
-        T4: a mean below it is dark.
+        Regions with a lower mean are dark (T4).
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Mean-shift segmentation into regions (study, section 4.2 step 4; Comaniciu and Meer 2002)."""
+"""Mean-shift segmentation (study, section 4.2 step 4; Comaniciu and Meer 2002)."""
 
 from __future__ import annotations
 
@@ -6,39 +6,78 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.images.parameters import ImageParameters
+from rover_obstacle_detection.detection.images.texture import texture_level
+from rover_obstacle_detection.detection.regions.parameters import RegionParameters
 
-def mean_shift_regions(
-    grey: NDArray[np.uint8],
-    spatial_radius: float,
-    color_radius: float,
-    min_region_size: int,
+
+def reduced_regions(
+    grey: NDArray[np.uint8], parameters: RegionParameters, images: ImageParameters
 ) -> NDArray[np.int32]:
-    """Divide the image into connected regions of like grey level.
+    """Segment the reduced image, with a grey-level bandwidth that follows its texture.
 
     Parameters
     ----------
     grey : ndarray of uint8, shape (height, width)
-    spatial_radius, color_radius : float
-        Bandwidths of the mean shift, pixels and grey levels.
-    min_region_size : int
-        Smaller regions go to the nearest larger one, pixels.
+    parameters : RegionParameters
+    images : ImageParameters
 
     Returns
     -------
     ndarray of int32, shape (height, width)
-        Region of each pixel, 1 to the number of regions: dark pixels have one as well.
+        Region of each pixel, 1 and up.
+    """
+    reduction, radius = parameters.reduction, parameters.mean_shift_color_radius
+    size = max(1, grey.shape[1] // reduction), max(1, grey.shape[0] // reduction)
+    small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
+    bandwidth = np.clip(
+        parameters.bandwidth_per_texture * texture_level(small, images),
+        parameters.min_bandwidth_ratio * radius,
+        parameters.max_bandwidth_ratio * radius,
+    )
+    regions = mean_shift_regions(
+        small,
+        max(1.0, parameters.mean_shift_spatial_radius_px / reduction),
+        float(bandwidth),
+        max(1, parameters.min_region_size_px // reduction**2),
+    )
+    return np.asarray(
+        cv2.resize(regions, grey.shape[::-1], interpolation=cv2.INTER_NEAREST), np.int32
+    )
+
+
+def mean_shift_regions(
+    grey: NDArray[np.uint8],
+    spatial_radius_px: float,
+    color_radius: float,
+    min_size_px: int,
+) -> NDArray[np.int32]:
+    """Divide the image into connected regions of similar grey level.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (height, width)
+    spatial_radius_px, color_radius : float
+        Bandwidths of the mean shift, pixels and grey levels.
+    min_size_px : int
+        Smaller regions are merged into the nearest larger one, pixels of area.
+
+    Returns
+    -------
+    ndarray of int32, shape (height, width)
+        Region of each pixel, 1 to the number of regions.
 
     Notes
     -----
-    The study thresholds the mean-shift image (Otsu) and so never looks at what is dark. Here two
-    neighbours belong together where the filtered levels differ by less than half the bandwidth,
-    so that the two modes are one.
+    The study thresholds the mean-shift image (Otsu) and so ignores everything dark. Here two
+    neighbours belong together if their filtered levels differ by at most half the bandwidth: then
+    their modes are one.
     """
     filtered = cv2.pyrMeanShiftFiltering(
-        cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), sp=spatial_radius, sr=color_radius
+        cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), sp=spatial_radius_px, sr=color_radius
     )
     labels = connected_levels(np.asarray(filtered[..., 0], np.uint8), color_radius / 2)
-    return merge_small(labels, min_region_size)
+    return merge_small(labels, min_size_px)
 
 
 def connected_levels(image: NDArray[np.uint8], max_difference: float) -> NDArray[np.int32]:
@@ -56,8 +95,8 @@ def connected_levels(image: NDArray[np.uint8], max_difference: float) -> NDArray
 
     Notes
     -----
-    On a grid of twice the size, pixels stand at even places and the links between neighbours
-    between them; connected components of that binary picture are those of the graph.
+    A binary image of twice the size has the pixels at even places and the links between
+    neighbours in between. Its connected components are the regions.
     """
     height, width = image.shape
     levels = image.astype(np.int16)
@@ -69,22 +108,23 @@ def connected_levels(image: NDArray[np.uint8], max_difference: float) -> NDArray
     return np.ascontiguousarray(labels[::2, ::2], np.int32)
 
 
-def merge_small(labels: NDArray[np.int32], min_size: int) -> NDArray[np.int32]:
-    """Give each region under ``min_size`` pixels to the nearest larger ones, and renumber.
+def merge_small(labels: NDArray[np.int32], min_size_px: int) -> NDArray[np.int32]:
+    """Merge small regions into the nearest larger ones, and renumber.
 
     Parameters
     ----------
     labels : ndarray of int32, shape (height, width)
         1 and up.
-    min_size : int
+    min_size_px : int
+        Fewest pixels of a region that stays.
 
     Returns
     -------
     ndarray of int32, shape (height, width)
-        1 to the number of regions kept; all 1 where no region is large enough.
+        1 to the number of regions; all 1 if no region is large enough.
     """
     sizes = np.bincount(labels.ravel())
-    large = sizes >= min_size
+    large = sizes >= min_size_px
     large[0] = False
     if not large.any():
         return np.ones_like(labels)

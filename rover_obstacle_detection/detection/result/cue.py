@@ -6,7 +6,7 @@ from enum import IntFlag
 
 
 class Cue(IntFlag):
-    """What made a pixel an obstacle; a pixel may have several, and outlines add pixels of none.
+    """What made a pixel an obstacle; a pixel may have several.
 
     Attributes
     ----------
@@ -15,11 +15,11 @@ class Cue(IntFlag):
     SLOPE
         The ground is too steep.
     DROP
-        The ground lies too far below its surroundings.
+        The ground lies too far below its rim.
     REGION
-        It has no match, and is of the region of an obstacle beside it.
+        It has no match, and belongs to the region of an obstacle beside it.
     GREY_LEVEL
-        It has no 3D, and by the image alone it looks like an obstacle.
+        It has no 3D, and looks like an obstacle in the image.
     ROUGHNESS_STEP
         The ground is too rough.
     """

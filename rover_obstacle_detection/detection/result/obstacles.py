@@ -1,4 +1,4 @@
-"""The single obstacles of a mask: boxes in the image and in space."""
+"""The obstacles of a mask: their boxes in the image and in space."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-_TAIL = 0.02
 
 
 @dataclass(frozen=True)
@@ -26,14 +24,14 @@ class Obstacle:
     max_height_m : float
         Greatest height above the local ground, metres; NaN without 3D.
     range_m : float
-        Distance of its nearest part from the left eye, metres; NaN without 3D.
+        Distance of its nearest part from the left camera, metres; NaN without 3D.
     confidence : float
-        How sure it is that this is an obstacle, 0 to 1.
+        Confidence that this is an obstacle, 0 to 1.
 
     Notes
     -----
-    The measures in metres leave out the last two per cent of the points at either end: a single
-    mismatch would make a box as deep as the scene.
+    The measures in metres leave out a few per cent of the points at either end, since one false
+    match would make a box as deep as the scene.
     """
 
     left: int
@@ -65,7 +63,7 @@ class NumberedObstacles:
 
 
 def number_obstacles(mask: NDArray[np.uint8]) -> NumberedObstacles:
-    """Give each 8-connected obstacle of a mask a number.
+    """Label the 8-connected obstacles of a mask, largest first.
 
     Parameters
     ----------
@@ -84,6 +82,7 @@ def describe_obstacles(
     points: NDArray[np.float32],
     height_m: NDArray[np.float32],
     confidence: NDArray[np.float32],
+    tail_share: float,
 ) -> tuple[Obstacle, ...]:
     """Measure numbered obstacles.
 
@@ -95,10 +94,12 @@ def describe_obstacles(
     height_m : ndarray of float32, shape (height, width)
         Above the local ground; NaN where none.
     confidence : ndarray of float32, shape (n,)
+    tail_share : float
+        Share of the points at either end that the measures leave out.
     """
     return tuple(
-        _measure(number, box, numbered.image, points, height_m, float(sure))
-        for number, (box, sure) in enumerate(zip(numbered.boxes, confidence, strict=True), start=1)
+        _measure(number, box, numbered.image, points, height_m, float(each), tail_share)
+        for number, (box, each) in enumerate(zip(numbered.boxes, confidence, strict=True), start=1)
     )
 
 
@@ -109,11 +110,11 @@ def _measure(
     points: NDArray[np.float32],
     height_m: NDArray[np.float32],
     confidence: float,
+    tail_share: float,
 ) -> Obstacle:
     left, top, width, height, pixels = (int(value) for value in box)
     window = np.s_[top : top + height, left : left + width]
     inside = (labels[window] == number) & np.isfinite(height_m[window])
-    # A height may be carried to a pixel that has no disparity of its own.
     inside &= np.isfinite(points[window][..., 2])
     own = points[window][inside]
     if not len(own):
@@ -121,7 +122,7 @@ def _measure(
         return Obstacle(
             left, top, width, height, pixels, nowhere, nowhere, np.nan, np.nan, confidence
         )
-    low, high = np.quantile(own, (_TAIL, 1 - _TAIL), axis=0)
+    low, high = np.quantile(own, (tail_share, 1 - tail_share), axis=0)
     return Obstacle(
         left=left,
         top=top,
@@ -130,8 +131,8 @@ def _measure(
         pixels=pixels,
         minimum_m=_corner(low),
         maximum_m=_corner(high),
-        max_height_m=float(np.quantile(height_m[window][inside], 1 - _TAIL)),
-        range_m=float(np.quantile(np.linalg.norm(own, axis=1), _TAIL)),
+        max_height_m=float(np.quantile(height_m[window][inside], 1 - tail_share)),
+        range_m=float(np.quantile(np.linalg.norm(own, axis=1), tail_share)),
         confidence=confidence,
     )
 

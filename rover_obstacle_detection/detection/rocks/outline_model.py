@@ -1,4 +1,4 @@
-"""Where the outline of an obstacle runs: a small filter over the planes of evidence."""
+"""The network that outlines obstacles."""
 
 from __future__ import annotations
 
@@ -10,54 +10,78 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.rocks.outline_features import PLANES
+from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
+from rover_obstacle_detection.detection.rocks.outline_features import FEATURES, FEATURES_VERSION
+from rover_obstacle_detection.detection.rocks.windows import BLOCK_PX
+from rover_obstacle_detection.errors import ModelError
 
 MODEL_FILE = 'outline_model.onnx'
-_MULTIPLE = 8
-_MOST_ROWS = 512
-_REACH = 80
+VERSION_KEY = 'features_version'
+"""Entry of the ONNX metadata with the version of the features that the model was trained for."""
+
+# Taller windows are run in two halves, which takes half the memory. Each half extends this far
+# beyond its end, as far as the network looks.
+_MAX_ROWS = 512
+_REACH_PX = 80
 
 
 class OutlineModel:
-    """The filter, loaded once; it keeps no state between calls.
+    """The network, loaded from ONNX. Thread-safe, and stateless between calls.
+
+    Parameters
+    ----------
+    data : bytes, optional
+        Content of an ONNX file; the model that comes with the package by default.
+
+    Raises
+    ------
+    ModelError
+        If the model was trained for another version of the features.
 
     Notes
     -----
-    Two U-shaped branches (Ronneberger et al. 2015) side by side, some 343,000 weights, trained
-    on rendered scenes by ``scripts/train_outlines.py``. It sees numbers without units (`PLANES`).
+    Two U-shaped branches (Ronneberger et al. 2015) side by side, trained on rendered scenes by
+    ``scripts/train_outlines.py``. Its inputs, `FEATURES`, have no units.
     """
 
-    def __init__(self) -> None:
-        data = (resources.files(__package__) / MODEL_FILE).read_bytes()
+    def __init__(self, data: bytes | None = None) -> None:
+        if data is None:
+            data = (resources.files(__package__) / MODEL_FILE).read_bytes()
+        version = read_metadata(data).get(VERSION_KEY)
+        if version != FEATURES_VERSION:
+            msg = (
+                f'the outline model is for features of version {version}: expected '
+                f'{FEATURES_VERSION}; train it again with scripts/train_outlines.py'
+            )
+            raise ModelError(msg)
         self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
-        # OpenCV's net holds the input and what it computes: one call at a time.
-        self._turn = threading.Lock()
+        # OpenCV's net holds the input and intermediate results: one call at a time.
+        self._lock = threading.Lock()
 
-    def probability(self, planes: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Tell how likely each pixel is to be on an obstacle that stands up.
+    def probability(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return how likely each pixel is on an obstacle that stands up.
 
         Parameters
         ----------
-        planes : ndarray of float32, shape (planes, height, width)
+        features : ndarray of float32, shape (features, height, width)
 
         Returns
         -------
         ndarray of float32, shape (height, width)
         """
-        assert planes.shape[0] == len(PLANES)
-        height, width = planes.shape[1:]
-        bottom, right = -height % _MULTIPLE, -width % _MULTIPLE
-        padded = planes
+        assert features.shape[0] == len(FEATURES)
+        height, width = features.shape[1:]
+        bottom, right = -height % BLOCK_PX, -width % BLOCK_PX
+        padded = features
         if bottom or right:
-            padded = np.pad(planes, ((0, 0), (0, bottom), (0, right)), mode='edge')
+            padded = np.pad(features, ((0, 0), (0, bottom), (0, right)), mode='edge')
         logit = np.empty(padded.shape[1:], np.float32)
         rows = padded.shape[1]
-        if rows <= _MOST_ROWS:
+        if rows <= _MAX_ROWS:
             self._run(padded, logit)
         else:
-            # In two halves, each seeing as far beyond as the filter looks: half the memory.
-            middle = rows // 2 // _MULTIPLE * _MULTIPLE
-            size = middle + _REACH
+            middle = rows // 2 // BLOCK_PX * BLOCK_PX
+            size = middle + _REACH_PX
             part = np.empty((size, padded.shape[2]), np.float32)
             self._run(padded[:, :size], part)
             logit[:middle] = part[:middle]
@@ -66,10 +90,10 @@ class OutlineModel:
         # The logistic function, in a form that does not overflow.
         return np.asarray(0.5 + 0.5 * np.tanh(0.5 * logit[:height, :width]), np.float32)
 
-    def _run(self, planes: NDArray[np.float32], logit: NDArray[np.float32]) -> None:
-        """Fill in the logit of each pixel; rows and columns are multiples of eight."""
-        with self._turn:
-            self._net.setInput(np.ascontiguousarray(planes[np.newaxis]))
+    def _run(self, features: NDArray[np.float32], logit: NDArray[np.float32]) -> None:
+        """Fill in the logit of each pixel; rows and columns are multiples of a block."""
+        with self._lock:
+            self._net.setInput(np.ascontiguousarray(features[np.newaxis]))
             quarters = self._net.forward()[0].copy()
         # Four logits for each 2 x 2 pixels, row by row.
         for number, quarter in enumerate(quarters):
@@ -78,5 +102,5 @@ class OutlineModel:
 
 @lru_cache(maxsize=1)
 def outline_model() -> OutlineModel:
-    """Load the filter that comes with the package, once."""
+    """Load the model that comes with the package, once."""
     return OutlineModel()

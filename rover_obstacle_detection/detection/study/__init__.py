@@ -1,1 +1,1 @@
-"""The study's own method, with its listed errors corrected."""
+"""Stages and intermediate results of the study's method."""

@@ -1,4 +1,4 @@
-"""Terrain roughness and elevation step of a sliding window (study, section 4.2 step 6)."""
+"""Roughness and elevation step in a sliding window (study, section 4.2 step 6)."""
 
 from __future__ import annotations
 
@@ -8,39 +8,39 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 
+# Three points define a plane. The study asks for as many for a step.
 MIN_WINDOW_POINTS = 3
 
 
 def window_roughness(
-    disparity: NDArray[np.float32], camera: StereoCamera, size: int
+    disparity: NDArray[np.float32], camera: StereoCamera, size_px: int
 ) -> NDArray[np.float32]:
-    """Mean distance of a window's points from the plane fitted to them.
+    """Compute the mean distance of a window's points from the plane fitted to them.
 
     Parameters
     ----------
     disparity : ndarray of float32, shape (height, width)
-        Pixels, the camera's offset taken off; 0 where there is no match.
+        Pixels, without the camera's offset; 0 where there is no match.
     camera : StereoCamera
-    size : int
-        Side of the window, pixels, odd.
+    size_px : int
+        Side of the window, odd.
 
     Returns
     -------
     ndarray of float32, shape (height, width)
-        Metres, perpendicular to the plane; NaN where the window has under three points or they
-        lie on a line.
+        Metres, perpendicular to the plane; NaN if the window has under three points or they are
+        collinear.
 
     Notes
     -----
-    A plane in space, ``n . P = -h``, is a plane in disparity, ``d = a u + b v + c``, and there the
-    noise is the same everywhere; so the least-squares fit is made there. A point with disparity d
-    at a residual r lies ``h |r| / d`` from the plane, with
+    A plane in space, ``n . P = -h``, is a plane in disparity, ``d = a u + b v + c``. Noise is
+    uniform there, so the least-squares fit is made in disparity. A point with disparity d and
+    residual r lies ``h |r| / d`` from the plane, with
     ``h = fx B / |(a fx, b fy, c at the principal point)|``.
     """
-    plane, solvable = _fit_window_planes(disparity, size)
+    plane, solvable = _fit_window_planes(disparity, size_px)
     slope_u, slope_v, level = plane
-    valid = disparity > 0
-    residual = _mean_window_residual(disparity, valid, plane, size)
+    residual = _mean_window_residual(disparity, plane, size_px)
     rows = np.arange(camera.height, dtype=np.float32)[:, np.newaxis] - np.float32(camera.cy)
     columns = np.arange(camera.width, dtype=np.float32)[np.newaxis] - np.float32(camera.cx)
     at_principal_point = level - slope_u * columns - slope_v * rows
@@ -54,29 +54,29 @@ def window_roughness(
     return roughness.astype(np.float32)
 
 
-def window_step(elevation_m: NDArray[np.float32], size: int) -> NDArray[np.float32]:
-    """Difference between the highest and the lowest point of a window, along the vertical.
+def window_step(elevation_m: NDArray[np.float32], size_px: int) -> NDArray[np.float32]:
+    """Compute the elevation difference between the highest and lowest point of a window.
 
     Parameters
     ----------
     elevation_m : ndarray of float32, shape (height, width)
         Elevation along gravity, metres; NaN where there is no 3D.
-    size : int
-        Side of the window, pixels, odd.
+    size_px : int
+        Side of the window, odd.
 
     Returns
     -------
     ndarray of float32, shape (height, width)
-        Metres; NaN where the window has under three points.
+        Metres; NaN if the window has under three points.
     """
     missing = np.isnan(elevation_m)
-    kernel = np.ones((size, size), np.uint8)
+    kernel = np.ones((size_px, size_px), np.uint8)
     highest = cv2.dilate(np.where(missing, -np.inf, elevation_m).astype(np.float32), kernel)
     lowest = cv2.erode(np.where(missing, np.inf, elevation_m).astype(np.float32), kernel)
     count = cv2.boxFilter(
         (~missing).astype(np.float32),
         -1,
-        (size, size),
+        (size_px, size_px),
         normalize=False,
         borderType=cv2.BORDER_CONSTANT,
     )
@@ -87,40 +87,33 @@ def window_step(elevation_m: NDArray[np.float32], size: int) -> NDArray[np.float
 
 
 def elevation_along(points: NDArray[np.float32], up: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Elevation of each point against gravity, relative to the left eye, metres.
+    """Compute the elevation of each point relative to the left camera, metres.
 
     Parameters
     ----------
     points : ndarray of float32, shape (height, width, 3)
-        Left optical frame, metres; NaN where none.
+        Left optical frame, metres; NaN where there is none.
     up : ndarray of float32, shape (3,)
         Unit vector against gravity in the same frame.
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width)
     """
     return np.asarray(cv2.transform(points, up.reshape(1, 3)), np.float32)
 
 
 def _fit_window_planes(
-    disparity: NDArray[np.float32], size: int
+    disparity: NDArray[np.float32], size_px: int
 ) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.bool_]]:
-    """Weighted least squares of ``d = a du + b dv + c`` around every pixel, weights 0 or 1."""
+    """Fit ``d = a du + b dv + c`` around every pixel, and report where there is a solution."""
     valid = (disparity > 0).astype(np.float64)
     data = disparity.astype(np.float64)
-    offsets = np.arange(size, dtype=np.float64) - size // 2
-    flat = np.ones(size)
-
-    def moment(image: NDArray[np.float64], u_power: int, v_power: int) -> NDArray[np.float64]:
-        u_kernel = offsets**u_power if u_power else flat
-        v_kernel = offsets**v_power if v_power else flat
-        filtered = cv2.sepFilter2D(
-            image, cv2.CV_64F, u_kernel, v_kernel, borderType=cv2.BORDER_CONSTANT
-        )
-        return np.asarray(filtered, np.float64)
-
-    n, u, v = moment(valid, 0, 0), moment(valid, 1, 0), moment(valid, 0, 1)
-    uu, uv, vv = moment(valid, 2, 0), moment(valid, 1, 1), moment(valid, 0, 2)
-    d, ud, vd = moment(data, 0, 0), moment(data, 1, 0), moment(data, 0, 1)
+    n, u, v = (_moment(valid, size_px, *powers) for powers in ((0, 0), (1, 0), (0, 1)))
+    uu, uv, vv = (_moment(valid, size_px, *powers) for powers in ((2, 0), (1, 1), (0, 2)))
+    d, ud, vd = (_moment(data, size_px, *powers) for powers in ((0, 0), (1, 0), (0, 1)))
     with np.errstate(divide='ignore', invalid='ignore'):
-        # Centred on the window's own mean the 3 x 3 system falls to a 2 x 2 one.
+        # Centred on the window's mean, the 3 x 3 system becomes a 2 x 2 one.
         centred_uu, centred_vv = uu - u * u / n, vv - v * v / n
         centred_uv = uv - u * v / n
         centred_ud, centred_vd = ud - u * d / n, vd - v * d / n
@@ -133,13 +126,22 @@ def _fit_window_planes(
     return plane, solvable
 
 
+def _moment(
+    image: NDArray[np.float64], size_px: int, u_power: int, v_power: int
+) -> NDArray[np.float64]:
+    """Sum ``image du**u_power dv**v_power`` over the window around every pixel."""
+    offsets = np.arange(size_px, dtype=np.float64) - size_px // 2
+    filtered = cv2.sepFilter2D(
+        image, cv2.CV_64F, offsets**u_power, offsets**v_power, borderType=cv2.BORDER_CONSTANT
+    )
+    return np.asarray(filtered, np.float64)
+
+
 def _mean_window_residual(
-    disparity: NDArray[np.float32],
-    valid: NDArray[np.bool_],
-    plane: tuple[NDArray[np.float64], ...],
-    size: int,
+    disparity: NDArray[np.float32], plane: tuple[NDArray[np.float64], ...], size_px: int
 ) -> NDArray[np.float32]:
-    half = size // 2
+    """Average the magnitude of the residuals of each window's own plane."""
+    half = size_px // 2
     slope_u, slope_v, level = (part.astype(np.float32) for part in plane)
     padded = cv2.copyMakeBorder(disparity, half, half, half, half, cv2.BORDER_CONSTANT, value=0)
     height, width = disparity.shape

@@ -16,18 +16,18 @@ Grid = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class MapPositions:
-    """Where each pixel lies on the map, in cells, as ``cv2.remap`` wants it.
+    """Where each pixel lies on the map, in cells, as ``cv2.remap`` takes it.
 
     Parameters
     ----------
     column, row : ndarray of float32, shape (height, width)
-        Cell coordinates: to the right and forward of the camera; far outside where no 3D.
+        Cells to the right and forward; far outside where there is no 3D.
     shape : tuple of int
         Rows and columns of the map.
     cell_m : float
         Side of a cell, metres.
     first_column, first_row : int
-        Cells from the point under the left eye to the map's first cell.
+        Cells from the point below the left camera to the map's first cell.
     """
 
     column: NDArray[np.float32]
@@ -44,7 +44,7 @@ class MapPositions:
 
 
 def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Give unit vectors within the plane: to the right, and forward along the optical axis."""
+    """Return unit vectors within the plane: to the right, and forward along the optical axis."""
     normal = np.asarray(ground.normal)
     right = np.array([1.0, 0.0, 0.0])
     right -= normal * (right @ normal)
@@ -55,12 +55,12 @@ def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.fl
 def plane_coordinates(
     disparity: NDArray[np.float32], camera: StereoCamera, ground: GroundPlane
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Find how far to the right and forward of the camera each point lies, along the plane.
+    """Distance of each point to the right and forward of the camera, along the plane.
 
     Parameters
     ----------
     disparity : ndarray of float32, shape (height, width)
-        Pixels, the camera's offset taken off; 0 where there is no match.
+        Pixels, without the camera's offset; 0 where there is no match.
     camera : StereoCamera
         Of the disparity's size.
     ground : GroundPlane
@@ -90,12 +90,12 @@ def map_positions(
     usable: NDArray[np.bool_],
     cell_m: float,
 ) -> MapPositions:
-    """Place every usable pixel on a map just large enough for them.
+    """Place every usable pixel on a map that is just large enough.
 
     Parameters
     ----------
     across_m, along_m : ndarray of float32, shape (height, width)
-        As `plane_coordinates` gives them.
+        From `plane_coordinates`.
     usable : ndarray of bool, shape (height, width)
     cell_m : float
         Side of a cell.
@@ -123,7 +123,7 @@ def map_positions(
 def cell_means(
     values: NDArray[np.float32], weights: NDArray[np.float32], positions: MapPositions
 ) -> tuple[Grid, Grid]:
-    """Weighted mean of the pixels in each cell.
+    """Average the pixels in each cell by weight.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def cell_means(
 
 
 def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
-    """Value of the map at each pixel, bilinear."""
+    """Sample the map at each pixel, bilinearly."""
     return np.asarray(
         cv2.remap(
             grid, positions.column, positions.row, cv2.INTER_LINEAR,

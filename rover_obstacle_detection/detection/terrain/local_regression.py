@@ -1,4 +1,4 @@
-"""Planes fitted around every cell of a map, the nearer cells the more."""
+"""Planes fitted around every cell of a map, with Gaussian weights."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+
 Grid = NDArray[np.float32]
 
-# A reduced grid still has so many cells in a standard deviation.
-_FINE_ENOUGH = 3
-_REACH = 3.5
-_LEAST = 1e-9
+_MIN_POSITIVE = np.float32(1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +23,14 @@ class LocalPlanes:
     Parameters
     ----------
     height : ndarray of float32, shape (rows, columns)
-        Of the plane, over the cell, in the unit of the heights given.
+        Of the plane at the cell, in the unit of the given heights.
     rise_along_columns, rise_along_rows : ndarray of float32, shape (rows, columns)
-        From one column, or row, to the next, in that unit.
+        Change of height from one column, or row, to the next.
     weight : ndarray of float32, shape (rows, columns)
-        Gaussian sum of the weights around.
+        Gaussian sum of the weights around the cell.
     spread : ndarray of float32, shape (rows, columns)
-        Standard deviation of the places with weight in the direction in which they spread the
-        least, cells: 0 where they lie on a line, which tells no rise across it.
+        Standard deviation of the weighted cells in the direction in which they spread least,
+        cells: 0 where they lie on a line, which leaves the rise across it open.
     """
 
     height: Grid
@@ -42,7 +41,7 @@ class LocalPlanes:
 
 
 def local_planes(
-    height: Grid, weight: Grid, sigma_cells: float, *, ridge: float = 0.02
+    height: Grid, weight: Grid, sigma_cells: float, ridge: float, parameters: TerrainParameters
 ) -> LocalPlanes:
     """Fit a plane around each cell, with Gaussian weights.
 
@@ -54,22 +53,20 @@ def local_planes(
     sigma_cells : float
         Standard deviation of the Gaussian, cells.
     ridge : float
-        Keeps planes tame where cells lie on a line: a share of the Gaussian's variance.
-
-    Returns
-    -------
-    LocalPlanes
+        Regularisation where cells lie on a line: a share of the Gaussian's variance.
+    parameters : TerrainParameters
 
     Notes
     -----
-    Local linear regression (Fan and Gijbels 1996). Where all cells have weight its rise is that
-    of the map smoothed by the same Gaussian; unlike that it is right at the edge of what is seen.
-    A wide Gaussian runs on a grid coarse enough for its width.
+    Local linear regression (Fan and Gijbels 1996). Where all cells have the same weight, its rise
+    equals that of the Gaussian-smoothed map. Unlike smoothing, it is unbiased at the edge of the
+    visible ground. A wide Gaussian runs on a coarser grid.
     """
-    reduction = max(1, math.floor(sigma_cells / _FINE_ENOUGH))
+    reach = parameters.reach_sigmas
+    reduction = max(1, math.floor(sigma_cells / parameters.cells_per_sigma))
     moment = weight * height
     if reduction == 1:
-        return _planes(moment, weight, sigma_cells, ridge)
+        return _planes(moment, weight, sigma_cells, ridge, reach)
     rows, columns = height.shape
     small = max(1, columns // reduction), max(1, rows // reduction)
     mass, moment = (
@@ -77,7 +74,7 @@ def local_planes(
         for grid in (weight, moment)
     )
     coarse_columns, coarse_rows = columns / small[0], rows / small[1]
-    planes = _planes(moment, mass, sigma_cells / coarse_columns, ridge)
+    planes = _planes(moment, mass, sigma_cells / coarse_columns, ridge, reach)
 
     def finer(grid: Grid, scale: float = 1.0) -> Grid:
         wide = cv2.resize(grid, (columns, rows), interpolation=cv2.INTER_LINEAR)
@@ -92,8 +89,8 @@ def local_planes(
     )
 
 
-def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float) -> LocalPlanes:
-    radius = max(1, math.ceil(_REACH * sigma))
+def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float, reach: float) -> LocalPlanes:
+    radius = max(1, math.ceil(reach * sigma))
     offsets = np.arange(-radius, radius + 1, dtype=np.float32)
     bell = np.exp(-0.5 * (offsets / np.float32(sigma)) ** 2)
 
@@ -109,13 +106,13 @@ def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float) -> LocalPlanes
     n, u, v = blurred(mass, 0, 0), blurred(mass, 1, 0), blurred(mass, 0, 1)
     uu, uv, vv = blurred(mass, 2, 0), blurred(mass, 1, 1), blurred(mass, 0, 2)
     h, uh, vh = blurred(moment, 0, 0), blurred(moment, 1, 0), blurred(moment, 0, 1)
-    n = np.maximum(n, np.float32(_LEAST))
+    n = np.maximum(n, _MIN_POSITIVE)
     mean_u, mean_v, mean_h = u / n, v / n, h / n
     added = np.float32(ridge * sigma**2)
     cuu, cvv = uu / n - mean_u**2 + added, vv / n - mean_v**2 + added
     cuv = uv / n - mean_u * mean_v
     cuh, cvh = uh / n - mean_u * mean_h, vh / n - mean_v * mean_h
-    determinant = np.maximum(cuu * cvv - cuv**2, np.float32(_LEAST))
+    determinant = np.maximum(cuu * cvv - cuv**2, _MIN_POSITIVE)
     rise_u = np.asarray((cuh * cvv - cvh * cuv) / determinant, np.float32)
     rise_v = np.asarray((cvh * cuu - cuh * cuv) / determinant, np.float32)
     half, difference = (cuu + cvv) / 2, (cuu - cvv) / 2

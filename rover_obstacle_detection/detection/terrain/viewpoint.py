@@ -1,10 +1,9 @@
-"""What ground that slopes does to the noise of heights over it: how steeply it is looked down on.
+"""How steeply the camera looks down on the ground, and what that does to height noise.
 
-Over the plane through all the ground a point moves with its distance as steeply as its ray comes
-down; over the ground around it as steeply as the ray comes down on that. A bank that faces the
-eye has more noise than the plane says, one that falls away less.
-
-All heights are along the normal of the plane through all the ground, as everywhere on the map.
+Distance noise moves a point along its ray. Over the plane through all the ground this changes its
+height as steeply as the ray descends; over sloping ground, as steeply as the ray descends towards
+that ground. So a bank that faces the camera has more height noise than the plane suggests, and one
+that falls away has less. All heights are along the normal of the plane through all the ground.
 """
 
 from __future__ import annotations
@@ -18,59 +17,65 @@ from rover_obstacle_detection.detection.terrain.local_regression import LocalPla
 
 Grid = NDArray[np.float32]
 
-# Looked at along the ground itself a height would have no noise: no ground is that smooth.
-LEAST_SHARE = 0.3
-
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """Where the eye is, seen from a map, and how well it knows distances there.
+class Viewpoint:
+    """Where the left camera is, relative to a map, and how well it measures distance there.
 
     Parameters
     ----------
-    eye_m : float
-        Height of the eye over the map's plane, metres.
+    height_m : float
+        Height of the camera over the map's plane, metres.
     column, row : float
-        Where it is, cells; mostly outside of the map.
-    share : ndarray of float32, shape of the map
-        Noise of the distance over the distance, of one pixel.
+        Its cell; mostly outside the map.
+    distance_noise : ndarray of float32, shape of the map
+        Standard deviation of the distance of one pixel, relative to the distance.
+    min_lever_share : float
+        See `lever_m`.
     """
 
-    eye_m: float
+    height_m: float
     column: float
     row: float
-    share: Grid
+    distance_noise: Grid
+    min_lever_share: float
 
-    def over(self, ground: LocalPlanes) -> Grid:
-        """Height of the eye over the plane around each cell, metres; below zero if under it."""
+    def above(self, ground: LocalPlanes) -> Grid:
+        """Height of the camera over the plane around each cell, metres; negative if below it."""
         rows, columns = ground.height.shape
         down = np.arange(rows, dtype=np.float32)[:, np.newaxis] - np.float32(self.row)
         across = np.arange(columns, dtype=np.float32) - np.float32(self.column)
-        eye_m = ground.rise_along_rows * down
-        eye_m += ground.rise_along_columns * across
-        eye_m -= ground.height
-        eye_m += np.float32(self.eye_m)
-        return eye_m
+        above_m = ground.rise_along_rows * down
+        above_m += ground.rise_along_columns * across
+        above_m -= ground.height
+        above_m += np.float32(self.height_m)
+        return above_m
 
     def noise_m(self, ground: LocalPlanes) -> Grid:
-        """Noise of the height of one pixel over the plane around each cell, metres."""
-        return self.share * lever_m(self.over(ground), self.eye_m)
+        """Height noise of one pixel over the plane around each cell, metres."""
+        return self.distance_noise * lever_m(
+            self.above(ground), self.height_m, self.min_lever_share
+        )
 
 
-def lever_m(below_eye_m: NDArray[np.float32], eye_m: float) -> NDArray[np.float32]:
-    """Tell by how much a height changes with the distance, for the noise of one.
+def lever_m(
+    descent_m: NDArray[np.float32], camera_height_m: float, min_share: float
+) -> NDArray[np.float32]:
+    """Change of height over a relative change of distance.
 
     Parameters
     ----------
-    below_eye_m : ndarray of float32
-        How far the ray to a point comes down from the eye, against the ground where it ends;
-        below zero where that ground is seen from below.
-    eye_m : float
-        Height of the eye over the plane through all the ground, metres.
+    descent_m : ndarray of float32
+        How far the ray to a point descends from the camera, relative to the ground where it ends;
+        negative where that ground is seen from below.
+    camera_height_m : float
+        Height of the camera over the plane through all the ground, metres.
+    min_share : float
+        Least lever, as a share of that height.
 
     Returns
     -------
     ndarray of float32
-        Metres of height for the whole distance: positive, and at least `LEAST_SHARE` of the eye's.
+        Metres of height for the whole distance, positive.
     """
-    return np.maximum(np.abs(below_eye_m), np.float32(LEAST_SHARE * eye_m))
+    return np.maximum(np.abs(descent_m), np.float32(min_share * camera_height_m))

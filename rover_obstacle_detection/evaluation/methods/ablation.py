@@ -2,23 +2,186 @@
 
 from __future__ import annotations
 
-from rover_obstacle_detection.detection import hybrid
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.images.parameters import ImageParameters
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
+from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
+from rover_obstacle_detection.detection.rectification.rectify import (
+    CoarseMatch,
+    Rectified,
+    rectify,
+)
+from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
+from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
+from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.rocks.judgement import half_height_outlines
+from rover_obstacle_detection.detection.rocks.outline_features import (
+    PARALLAX_FEATURES,
+    outline_features,
+)
+from rover_obstacle_detection.detection.rocks.outline_model import outline_model
+from rover_obstacle_detection.detection.rocks.parameters import RockParameters
+from rover_obstacle_detection.detection.rocks.rocks import network_outlines
+from rover_obstacle_detection.detection.rocks.standing import Standing
+from rover_obstacle_detection.detection.rocks.windows import Window
+from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
+from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.survey import layer_spans, survey_layers
+from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
+
+Mask = NDArray[np.bool_]
+Image = NDArray[np.float32]
 
 WHOLE = 'hybrid'
 WITHOUT = f'{WHOLE} without '
 
-
-def optional_stages() -> tuple[str, ...]:
-    """Names of the stages that the hybrid can run without."""
-    return tuple(getattr(hybrid, 'OPTIONAL_STAGES', ()))
+# Standard deviation of a disparity straight from semi-global matching, pixels.
+_MATCHING_NOISE_PX = 0.125
 
 
 def ablated_methods() -> tuple[str, ...]:
-    """Names of the hybrid and of the hybrid without each optional stage."""
-    return (WHOLE, *(f'{WITHOUT}{stage}' for stage in optional_stages()))
+    """Names of the hybrid and of the hybrid without each stage of `ABLATIONS`."""
+    return (WHOLE, *(f'{WITHOUT}{stage}' for stage in ABLATIONS))
 
 
 def left_out_stage(method: str) -> str | None:
     """Stage that a method of this name leaves out; None for other methods."""
     stage = method.removeprefix(WITHOUT)
-    return stage if stage != method and stage in optional_stages() else None
+    return stage if stage != method and stage in ABLATIONS else None
+
+
+def _no_noise(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
+    """Take the image to be free of noise."""
+    return 0.0
+
+
+def _uncorrected(
+    reduced: ReducedPair, match: CoarseMatch, parameters: RectificationParameters
+) -> Rectified:
+    """Match as if the rectification were perfect."""
+    return Rectified(match(reduced.pair, STRAIGHT), reduced.camera, reduced.reduction)
+
+
+def _rows_only(
+    reduced: ReducedPair, match: CoarseMatch, parameters: RectificationParameters
+) -> Rectified:
+    """Correct rows, but no lens distortion."""
+    return rectify(reduced, match, replace(parameters, min_first_lens_gain=math.inf))
+
+
+def _as_matched(
+    pair: GreyPair,
+    disparity: Image,
+    camera: StereoCamera,
+    rows: RowAlignment,
+    parameters: StereoParameters,
+) -> RefinedDisparity:
+    """Keep the disparity of semi-global matching, with the same noise everywhere."""
+    refined = refine_disparity(pair, disparity, camera, rows, parameters)
+    noise_px = np.full_like(disparity, _MATCHING_NOISE_PX)
+    return replace(refined, disparity=disparity, noise_px=noise_px)
+
+
+def _single_layer(stereo: Stereo, parameters: TerrainParameters) -> Terrain:
+    """Survey with the finest cells at all distances."""
+    spans = layer_spans(stereo.frame.camera, stereo.ground.height_m, parameters)
+    finest_m, _ = next(spans)
+    return survey_layers(stereo, [(finest_m, math.inf)], parameters)
+
+
+def _vertical_of_plane(
+    layers: Sequence[Layer], ground: GroundPlane, parameters: TerrainParameters
+) -> tuple[float, float, float]:
+    """Keep the vertical that came with the ground plane."""
+    return ground.up
+
+
+def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
+    """Find no impassable ground."""
+    return np.zeros(terrain.height_m.shape, np.bool_)
+
+
+def _no_pixels(first: NDArray[Any], *others: Any) -> Mask:
+    """Find nothing in an image of the first argument's shape."""
+    return np.zeros(first.shape, np.bool_)
+
+
+def _outlines_by_height(
+    stereo: Stereo,
+    terrain: Terrain,
+    standing: Standing,
+    window: Window,
+    parameters: RockParameters,
+) -> Image:
+    """Outline what is at least half as high as what stands beside it, without the network.
+
+    The probability is enough to be outlined, but not to be accepted by looks alone.
+    """
+    near = Standing(standing.parts[window], standing.top_m)
+    drawn = half_height_outlines(terrain.within(window), near, parameters.half_height_reach_px)
+    outlined = (parameters.outline_probability + parameters.accepted_probability) / 2
+    return np.where(drawn, np.float32(outlined), np.float32(np.nan))
+
+
+def _outlines_without_parallax(
+    stereo: Stereo,
+    terrain: Terrain,
+    standing: Standing,
+    window: Window,
+    parameters: RockParameters,
+) -> Image:
+    """Hide the parallax evidence from the network."""
+    features = outline_features(stereo, terrain, standing, window, parameters)
+    features[list(PARALLAX_FEATURES)] = 0
+    return outline_model().probability(features)
+
+
+def _outlines_without_sight(
+    stereo: Stereo,
+    terrain: Terrain,
+    standing: Standing,
+    window: Window,
+    parameters: RockParameters,
+) -> Image:
+    """Keep the network's probability below that of a rock that looks alone make an obstacle."""
+    below = np.nextafter(np.float32(parameters.accepted_probability), np.float32(0))
+    return np.minimum(network_outlines(stereo, terrain, standing, window, parameters), below)
+
+
+def _no_doubt(detection: Detection) -> Detection:
+    """Keep every obstacle, whatever its confidence."""
+    return detection
+
+
+ABLATIONS: Mapping[str, HybridStages] = {
+    'noise': replace(HYBRID_STAGES, noise_share=_no_noise),
+    'rows': replace(HYBRID_STAGES, rectify=_uncorrected),
+    'lenses': replace(HYBRID_STAGES, rectify=_rows_only),
+    'subpixel': replace(HYBRID_STAGES, refine=_as_matched),
+    'layers': replace(HYBRID_STAGES, survey=_single_layer),
+    'vertical': replace(HYBRID_STAGES, vertical=_vertical_of_plane),
+    'slope': replace(HYBRID_STAGES, slope=_no_ground),
+    'drop': replace(HYBRID_STAGES, drop=_no_ground),
+    'outlines': replace(HYBRID_STAGES, outlines=_outlines_by_height),
+    'parallax': replace(HYBRID_STAGES, outlines=_outlines_without_parallax),
+    'sight': replace(HYBRID_STAGES, outlines=_outlines_without_sight),
+    'regions': replace(HYBRID_STAGES, regions=_no_pixels),
+    'grey level': replace(HYBRID_STAGES, grey_level=_no_pixels),
+    'doubt': replace(HYBRID_STAGES, doubt=_no_doubt),
+}
+"""The hybrid's stages with one of them left out or replaced by something simpler.
+
+Without rows, lenses are not corrected either.
+"""

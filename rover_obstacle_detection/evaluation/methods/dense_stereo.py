@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
-from rover_obstacle_detection.detection.geometry.noise import DISPARITY_NOISE_PX
+from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
 from rover_obstacle_detection.detection.geometry.plane_fit import fit_ground_plane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.stereo.semi_global import Penalties, plain_disparity
 
 PENALTIES = Penalties(300, 1200)
@@ -100,7 +101,8 @@ def match_plainly(
     config = replace(config, method='study')
     grey_left, grey_right = grey_pair(left, right, camera)
     count = _disparities_in_view(grey_left, grey_right, camera, config)
-    return plain_disparity(grey_left, grey_right, camera, count, config, PENALTIES)
+    stereo = DetectorParameters.from_config(config).stereo
+    return plain_disparity(grey_left, grey_right, camera, count, PENALTIES, stereo)
 
 
 def fit_plane(
@@ -110,8 +112,7 @@ def fit_plane(
     plane = fit_ground_plane(
         disparity,
         camera,
-        tolerance_m=config.max_step / 2,
-        noise_px=DISPARITY_NOISE_PX,
+        PlaneFitParameters(tolerance_m=config.max_step / 2),
         min_disparity=camera.disparity_at(config.max_range),
     )
     return None if plane is None else plane.in_space(camera, None)
@@ -135,7 +136,8 @@ def _disparities_in_view(
     )
     small = camera.resized(*size)
     count = max(16, round(small.width * COARSE_RANGE_SHARE) // 16 * 16)
-    coarse = plain_disparity(small_left, small_right, small, count, config, PENALTIES)
+    stereo = DetectorParameters.from_config(config).stereo
+    coarse = plain_disparity(small_left, small_right, small, count, PENALTIES, stereo)
     matched = coarse[coarse > 0]
     largest = FALLBACK_DISPARITY_PX
     if matched.size:

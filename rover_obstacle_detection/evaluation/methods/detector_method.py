@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.evaluation.methods.method import Mask
 
@@ -19,19 +20,19 @@ class DetectorMethod:
     Parameters
     ----------
     config : DetectorConfig
-    leave_out : frozenset of str
-        Stages of the hybrid to leave out.
+    stages : HybridStages, optional
+        Stages of the hybrid, to replace some of them.
     """
 
-    def __init__(self, config: DetectorConfig, leave_out: frozenset[str] = frozenset()) -> None:
+    def __init__(self, config: DetectorConfig, stages: HybridStages = HYBRID_STAGES) -> None:
         self._config = config
-        self._changes: dict[str, Any] = {'leave_out': leave_out} if leave_out else {}
+        self._stages = stages
         self._detector: Detector | None = None
 
     def detect(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Detection:
         """Find obstacles and return all intermediate products."""
         if self._detector is None or self._detector.camera != camera:
-            self._detector = Detector(camera, self._config, **self._changes)
+            self._detector = Detector(camera, self._config, stages=self._stages)
         return self._detector.detect(left, right)
 
     def __call__(self, camera: StereoCamera, left: NDArray[Any], right: NDArray[Any]) -> Mask:

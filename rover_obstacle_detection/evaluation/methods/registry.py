@@ -8,7 +8,11 @@ from dataclasses import replace
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
-from rover_obstacle_detection.evaluation.methods.ablation import WHOLE, left_out_stage
+from rover_obstacle_detection.evaluation.methods.ablation import (
+    ABLATIONS,
+    WHOLE,
+    left_out_stage,
+)
 from rover_obstacle_detection.evaluation.methods.depth_only import DepthOnly
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
 from rover_obstacle_detection.evaluation.methods.image_only import ImageOnly
@@ -45,7 +49,7 @@ def make_method(name: str, config: DetectorConfig | None = None) -> Method:
     stage = left_out_stage(name)
     if stage is not None:
         own = replace(config or DetectorConfig(), method=WHOLE)
-        return DetectorMethod(own, frozenset({stage}))
+        return DetectorMethod(own, ABLATIONS[stage])
     if name not in METHODS:
         near = difflib.get_close_matches(name, METHODS, 1)
         hint = f' (did you mean {near[0]}?)' if near else ''

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,9 @@ from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.regions.grey_level import dark_regions
 from rover_obstacle_detection.detection.regions.regions import seed_regions
 from rover_obstacle_detection.detection.regions.segmentation import mean_shift_regions
+from rover_obstacle_detection.detection.study.limits import exceeds_terrain_limits
 from rover_obstacle_detection.detection.study.morphology import close_then_open
-from rover_obstacle_detection.detection.study.study import exceeds_terrain_limits
+from rover_obstacle_detection.detection.study.parameters import StudyParameters
 from rover_obstacle_detection.detection.study.window_terrain import (
     elevation_along,
     window_roughness,
@@ -86,10 +86,9 @@ class Wang:
         disparity = sparse[::GRID, ::GRID] / np.float32(GRID)
         elevation_m = elevation_along(reproject(disparity, grid), plane.up_vector)
         max_step_m = self._config.max_step
-        limits = replace(
-            self._config,
-            study_max_roughness=MAX_ROUGHNESS_SHARE * max_step_m,
-            study_max_step=MAX_STEP_SHARE * max_step_m,
+        limits = StudyParameters(
+            study_max_roughness_m=MAX_ROUGHNESS_SHARE * max_step_m,
+            study_max_step_m=MAX_STEP_SHARE * max_step_m,
         )
         rises = exceeds_terrain_limits(
             window_roughness(disparity, grid, WINDOW_POINTS),

@@ -67,7 +67,7 @@ def test_camera_info_round_trip(fx, fy, cx, cx_right, cy, baseline):
     assert found.baseline_m == pytest.approx(baseline)
 
 
-def test_matrix_may_be_called_upper_case_p_and_be_an_array():
+def test_projection_matrix_may_be_an_array_named_upper_case_p():
     left, right = pair()
     for info in (left, right):
         info.P = np.array(info.p).reshape(3, 4)
@@ -83,7 +83,7 @@ def test_binning_divides_size_and_calibration():
     assert found.baseline_m == pytest.approx(0.12)
 
 
-def test_binning_of_zero_is_none():
+def test_binning_of_zero_means_no_binning():
     assert StereoCamera.from_camera_info(*pair(binning_x=0, binning_y=0)).width == 640
 
 
@@ -98,7 +98,7 @@ def test_region_of_interest_without_size_is_the_whole_image():
     assert (found.width, found.height, found.cx) == (640, 480, 319.5)
 
 
-def test_offset_comes_off_before_the_binning():
+def test_offset_is_subtracted_before_binning():
     found = StereoCamera.from_camera_info(
         *pair(roi=roi(100, 60, 320, 200), binning_x=2, binning_y=2)
     )
@@ -106,7 +106,7 @@ def test_offset_comes_off_before_the_binning():
     assert (found.cx, found.cy, found.fx) == (109.75, 89.75, 200.0)
 
 
-def test_eyes_may_have_other_columns_in_view():
+def test_left_and_right_may_have_different_column_offsets():
     found = StereoCamera.from_camera_info(
         *pair({'roi': roi(100, 60, 320, 200)}, {'roi': roi(80, 60, 320, 200)})
     )
@@ -114,7 +114,7 @@ def test_eyes_may_have_other_columns_in_view():
     assert found.disparity_offset == -20
 
 
-def test_other_centre_of_the_right_eye_is_the_disparity_of_infinity():
+def test_difference_of_principal_points_is_the_disparity_of_infinity():
     found = StereoCamera.from_camera_info(*pair({'cx': 319.5}, {'cx': 300.0}))
     assert found.disparity_offset == 19.5
 
@@ -147,7 +147,7 @@ def test_other_centre_of_the_right_eye_is_the_disparity_of_infinity():
         ),
     ],
 )
-def test_bad_calibration_is_refused_by_name(infos, said):
+def test_invalid_calibration_is_rejected_with_the_field_name(infos, said):
     message = refusal(*infos)
     for part in said:
         assert part in message
@@ -156,19 +156,19 @@ def test_bad_calibration_is_refused_by_name(infos, said):
 
 @pytest.mark.parametrize('field', ['width', 'height', 'fx', 'fy', 'baseline_m'])
 @pytest.mark.parametrize('value', [0, -1, math.nan, math.inf])
-def test_numbers_that_must_be_positive(field, value):
+def test_non_positive_numbers_are_rejected(field, value):
     with pytest.raises(CameraError, match=f'{field} is {value}: expected a positive number'):
         camera(**{field: value})
 
 
 @pytest.mark.parametrize('field', ['cx', 'cy', 'cx_right'])
 @pytest.mark.parametrize('value', [math.nan, -math.inf])
-def test_numbers_that_must_be_finite(field, value):
+def test_numbers_that_are_not_finite_are_rejected(field, value):
     with pytest.raises(CameraError, match=f'{field} is {value}: expected a finite number'):
         camera(**{field: value})
 
 
-def test_swapped_images_are_suggested_for_a_negative_baseline():
+def test_message_for_a_negative_baseline_suggests_swapped_images():
     with pytest.raises(CameraError, match=r'P_right\[3\].*swapped'):
         camera(baseline_m=-0.1)
 
@@ -196,12 +196,12 @@ def project(each, x, y, z):
     width=st.integers(16, 2000),
     height=st.integers(16, 2000),
 )
-def test_resizing_keeps_where_points_fall(x, y, z, width, height):
+def test_resized_camera_projects_points_to_the_same_place(x, y, z, width, height):
     each = camera(cx_right=311.5)
     small = each.resized(width, height)
     column, row, disparity = project(each, x, y, z)
     scale_x, scale_y = width / 640, height / 480
-    # A pixel is the square around its centre: the image begins at -0.5.
+    # Pixel centres lie at integers, so the image begins at -0.5.
     assert project(small, x, y, z) == pytest.approx(
         ((column + 0.5) * scale_x - 0.5, (row + 0.5) * scale_y - 0.5, disparity * scale_x)
     )

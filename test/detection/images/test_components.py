@@ -12,7 +12,7 @@ from rover_obstacle_detection.detection.images.components import (
 )
 
 
-def test_small_parts_are_those_under_the_size():
+def test_small_parts_have_fewer_pixels_than_the_limit():
     mask = np.zeros((6, 12), bool)
     mask[1, 1:4] = True
     mask[3:5, 6:8] = True
@@ -29,18 +29,18 @@ def tops(height, parts, share=0.5):
     return found
 
 
-def test_top_is_the_mean_of_the_highest():
+def test_top_is_the_mean_of_the_highest_pixels():
     height = [[0.1, 0.4, 0.2, 9.0], [0.3, 0.6, 0.5, -1.0]]
     parts = [[1, 1, 1, 0], [1, 2, 2, 2]]
     np.testing.assert_allclose(tops(height, parts), [0, 0.35, 0.6], rtol=1e-6)
     np.testing.assert_allclose(tops(height, parts, 1.0), [0, 0.25, 0.1 / 3], rtol=1e-5)
 
 
-def test_top_is_at_least_one_pixel():
+def test_top_is_averaged_over_at_least_one_pixel():
     np.testing.assert_allclose(tops([[0.1, 0.4, 0.2]], [[1, 1, 1]], 0.1), [0, 0.4])
 
 
-def test_numbers_without_a_pixel_have_no_height():
+def test_components_without_a_pixel_have_height_zero():
     np.testing.assert_allclose(tops([[0.1, 0.4, 0.2]], [[2, 0, 5]]), [0, 0, 0.1, 0, 0, 0.2])
     np.testing.assert_array_equal(tops([[0.1, 0.4]], [[0, 0]]), [0])
     np.testing.assert_array_equal(tops(np.zeros((0, 3)), np.zeros((0, 3))), [0])
@@ -55,7 +55,7 @@ def test_top_may_lie_below_the_ground():
     share=st.floats(0.01, 1),
     seed=st.integers(0, 99),
 )
-def test_tops_are_those_of_each_part_by_itself(parts, share, seed):
+def test_each_component_has_the_top_that_it_has_alone(parts, share, seed):
     height = np.random.default_rng(seed).normal(0, 1, len(parts)).astype(np.float32)
     parts = np.array(parts, np.int32)
     expected = np.zeros(parts.max() + 1)
@@ -67,14 +67,14 @@ def test_tops_are_those_of_each_part_by_itself(parts, share, seed):
 
 
 def ring(top, bottom, left, right):
-    """A frame one pixel wide, its hole open towards nothing."""
+    """A frame one pixel wide around a hole."""
     mask = np.zeros((12, 16), bool)
     mask[top : bottom + 1, left : right + 1] = True
     mask[top + 1 : bottom, left + 1 : right] = False
     return mask
 
 
-def test_hole_that_stands_high_is_more_of_the_obstacle():
+def test_only_holes_that_are_high_are_found():
     mask = ring(2, 6, 2, 7) | ring(5, 10, 9, 14)
     height = np.zeros(mask.shape, np.float32)
     height[3:6, 3:7] = 0.2
@@ -86,7 +86,7 @@ def test_hole_that_stands_high_is_more_of_the_obstacle():
     assert np.count_nonzero(high_holes(mask, height, 0.03)) == 12 + 16
 
 
-def test_hole_is_as_high_as_its_mean():
+def test_height_of_a_hole_is_its_mean():
     mask = ring(2, 6, 2, 7)
     height = np.zeros(mask.shape, np.float32)
     height[3, 3:7] = 0.3
@@ -94,7 +94,7 @@ def test_hole_is_as_high_as_its_mean():
     assert not high_holes(mask, height, 0.101).any()
 
 
-def test_holes_do_not_leak_over_corners():
+def test_a_gap_at_a_corner_does_not_open_a_hole():
     mask = ring(2, 6, 2, 7)
     mask[2, 2] = False
     height = np.full(mask.shape, 0.2, np.float32)
@@ -102,10 +102,10 @@ def test_holes_do_not_leak_over_corners():
 
 
 @pytest.mark.parametrize('edge', [(0, 6, 2, 7), (2, 11, 2, 7), (2, 6, 0, 7), (2, 6, 2, 15)])
-def test_what_is_open_to_the_border_of_the_image_is_no_hole(edge):
+def test_background_that_reaches_the_image_border_is_no_hole(edge):
     mask = ring(*edge)
     top, bottom, left, right = edge
-    # The frame itself runs along the border, and there it is open.
+    # Remove the side of the frame that lies on the border.
     if top == 0:
         mask[0] = False
     if bottom == 11:
@@ -118,6 +118,6 @@ def test_what_is_open_to_the_border_of_the_image_is_no_hole(edge):
 
 
 @pytest.mark.parametrize('filled', [False, True])
-def test_without_a_hole_there_is_none(filled):
+def test_masks_without_a_hole_have_none(filled):
     mask = np.full((5, 6), filled)
     assert not high_holes(mask, np.full((5, 6), 0.2, np.float32), 0.05).any()

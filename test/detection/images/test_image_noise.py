@@ -7,13 +7,10 @@ import waves
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_obstacle_detection.detection.images.image_noise import (
-    gradient_level,
-    image_noise,
-    noise_share,
-    smoothed_against_noise,
-)
+from rover_obstacle_detection.detection.images import image_noise as measured
+from rover_obstacle_detection.detection.images.parameters import ImageParameters
 
+PARAMETERS = ImageParameters()
 SHAPE = (150, 200)
 ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
 SCENES = {
@@ -25,52 +22,75 @@ SCENES = {
 }
 
 
+def image_noise(image):
+    return measured.image_noise(image, PARAMETERS)
+
+
+def gradient_level(image):
+    return measured.gradient_level(image, PARAMETERS)
+
+
+def noise_share(image):
+    return measured.noise_share(image, PARAMETERS)
+
+
+def smoothed_against_noise(pair, share):
+    return measured.smoothed_against_noise(pair, share, PARAMETERS)
+
+
 @pytest.mark.parametrize('sigma', [1.0, 2.0, 4.0, 8.0])
 @pytest.mark.parametrize('name', SCENES)
-def test_noise_is_measured_whatever_is_in_the_image(name, sigma):
+def test_noise_is_measured_independently_of_the_content(name, sigma):
     image = waves.as_image(SCENES[name], sigma)
-    # Rounding to whole levels adds a little of its own.
+    # Rounding to whole levels adds 0.3.
     assert image_noise(image) == pytest.approx(np.hypot(sigma, 0.3), rel=0.08)
 
 
-def test_fine_texture_counts_for_some_noise_only():
+def test_fine_texture_hardly_counts_as_noise():
     fine = waves.texture(COLUMNS, ROWS, shortest_px=5)
     assert image_noise(waves.as_image(fine)) < 0.25 * fine.std()
 
 
 @pytest.mark.parametrize('name', ['flat', 'blocks'])
-def test_clean_image_has_the_least_noise(name):
+def test_clean_image_has_the_smallest_noise(name):
     assert image_noise(waves.as_image(SCENES[name])) == 0.5
 
 
 @pytest.mark.parametrize('level', [0, 255])
-def test_image_that_is_all_clipped_has_the_least_noise(level):
+def test_fully_clipped_image_has_the_smallest_noise(level):
     image = waves.as_image(np.full(SHAPE, level * 2.0 - 127), 5.0)
     assert image.min() == image.max() == level
     assert image_noise(image) == 0.5
     assert gradient_level(image) == pytest.approx(0.1)
 
 
-def test_large_images_are_measured_on_a_part():
+@pytest.mark.parametrize('level', [0, 255])
+def test_clipped_parts_are_excluded(level):
+    image = waves.as_image(SCENES['flat'], 4.0)
+    image[:75] = level
+    assert image_noise(image) == pytest.approx(4.0, rel=0.15)
+
+
+def test_large_images_are_measured_on_a_sample():
     image = waves.as_image(np.full((700, 900), 128.0), 3.0)
     assert image_noise(image) == pytest.approx(3.0, rel=0.03)
 
 
 @pytest.mark.parametrize('rise', [1, 3])
-def test_gradient_is_the_change_from_pixel_to_pixel(rise):
+def test_gradient_is_the_change_per_pixel_along_the_row(rise):
     ramp = np.tile(np.arange(60) * rise, (40, 1)).astype(np.uint8)
-    # As the standard deviation of which the change were the median.
+    # The standard deviation of normal values with this median magnitude.
     assert gradient_level(ramp) == pytest.approx(1.4826 * rise)
     assert gradient_level(np.ascontiguousarray(ramp.T)) == pytest.approx(0.1)
 
 
-def test_gradient_of_texture_is_its_standard_deviation():
+def test_gradient_level_is_the_standard_deviation_of_the_gradient():
     texture = waves.texture(COLUMNS, ROWS)
     expected = (texture[:, 2:] - texture[:, :-2]).std() / 2
     assert gradient_level(waves.as_image(texture)) == pytest.approx(expected, rel=0.1)
 
 
-def test_rich_texture_is_quiet_and_noise_alone_is_noisy():
+def test_share_is_0_for_rich_texture_and_1_for_noise_alone():
     texture = waves.texture(COLUMNS, ROWS)
     assert noise_share(waves.as_image(texture, 1.5)) == 0
     assert noise_share(waves.as_image(SCENES['flat'], 1.5)) == 1
@@ -90,7 +110,7 @@ def test_share_grows_with_the_noise():
     noise=st.floats(0, 60),
     shape=st.tuples(st.integers(1, 20), st.integers(1, 20)),
 )
-def test_share_is_from_none_to_all(contrast, noise, shape):
+def test_share_is_between_0_and_1(contrast, noise, shape):
     generator = np.random.default_rng(0)
     image = 128 + contrast * np.sin(np.arange(shape[1])) + generator.normal(0, noise, shape)
     assert 0 <= noise_share(np.clip(image, 0, 255).astype(np.uint8)) <= 1
@@ -100,17 +120,17 @@ def noisy_pair():
     return waves.as_image(SCENES['flat'], 8.0, 1), waves.as_image(SCENES['flat'], 8.0, 2)
 
 
-def test_quiet_pair_stays_the_very_same():
+def test_share_of_0_returns_the_pair_itself():
     pair = noisy_pair()
     found = smoothed_against_noise(pair, 0.0)
     assert all(one is other for one, other in zip(found, pair, strict=True))
 
 
-def test_noisy_pair_is_smoothed_by_a_pixel():
+def test_share_of_1_smooths_by_a_pixel():
     pair = noisy_pair()
-    for found, eye in zip(smoothed_against_noise(pair, 1.0), pair, strict=True):
+    for found, image in zip(smoothed_against_noise(pair, 1.0), pair, strict=True):
         assert found.dtype == np.uint8
-        np.testing.assert_array_equal(found, cv2.GaussianBlur(eye, (0, 0), 1.0))
+        np.testing.assert_array_equal(found, cv2.GaussianBlur(image, (0, 0), 1.0))
 
 
 def test_smoothing_grows_with_the_share():
@@ -121,7 +141,7 @@ def test_smoothing_grows_with_the_share():
     assert spreads[-1] == pytest.approx(8 / np.sqrt(4 * np.pi), rel=0.1)
 
 
-def test_smoothing_moves_nothing():
+def test_smoothing_does_not_shift_the_image():
     spot = np.zeros((9, 9), np.uint8)
     spot[4, 3] = 255
     found, _ = smoothed_against_noise((spot, spot), 0.8)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,9 +10,9 @@ import waves
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
-from rover_obstacle_detection.detection.rectification import estimate as row_estimation
+from rover_obstacle_detection.detection.rectification.correction import UNCORRECTED, Correction
 from rover_obstacle_detection.detection.rectification.estimate import (
-    Rectification,
+    RectificationEstimate,
     estimate_rectification,
 )
 from rover_obstacle_detection.detection.rectification.lens_distortion import (
@@ -19,21 +20,25 @@ from rover_obstacle_detection.detection.rectification.lens_distortion import (
     LensDistortion,
     Lenses,
 )
+from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
+from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
 
 CAMERA = StereoCamera(240, 180, 150.0, 150.0, 119.5, 89.5, 0.1)
 PLANE = DisparityPlane(0.01, 0.05, 12.0)
+PARAMETERS = RectificationParameters()
 SLANTED = {'towards_deg': (20.0, 70.0)}
 
 
 def measured(pair, disparity=None, camera=CAMERA, reduction=1.0):
     if disparity is None:
         disparity = PLANE.disparity(camera)
-    return estimate_rectification(pair, disparity, camera, reduction, bent=False).alignment
+    reduced = ReducedPair(pair, camera, reduction)
+    return estimate_rectification(reduced, disparity, UNCORRECTED).correction.rows
 
 
 def found_disparity(alignment):
-    """What matching finds: the turn moves columns, too."""
+    """Disparity as matching finds it: a turn moves columns too."""
     return waves.disparity_seen(CAMERA, PLANE, alignment)
 
 
@@ -51,25 +56,25 @@ ALIGNMENTS = [
 @pytest.mark.parametrize('off_px', [0.0, 0.25, -0.25])
 @pytest.mark.parametrize('look', [{}, SLANTED], ids=['', 'slanted texture'])
 @pytest.mark.parametrize('alignment', ALIGNMENTS, ids=str)
-def test_shift_and_turn_are_measured_though_disparity_is_off(alignment, look, off_px):
+def test_offset_and_turn_are_measured_despite_disparity_errors(alignment, look, off_px):
     pair = waves.stereo_pair(CAMERA, PLANE, alignment, noise=2.0, **look)
     check(measured(pair, found_disparity(alignment) + np.float32(off_px)), alignment)
 
 
 @pytest.mark.parametrize('offset', [-2.0, 1.5, 2.5])
-def test_shifts_of_some_pixels_are_measured_too(offset):
+def test_offsets_of_a_few_pixels_are_measured(offset):
     alignment = RowAlignment(offset)
     check(measured(waves.stereo_pair(CAMERA, PLANE, alignment, noise=2.0)), alignment)
 
 
-def test_right_image_that_shows_things_lower_is_off_by_more_than_nothing():
+def test_offset_is_positive_if_the_right_image_shows_things_lower():
     left, right = waves.stereo_pair(CAMERA, DisparityPlane(0, 0, 8.0))
     lower = np.vstack((right[:1], right[:-1]))
     found = measured((left, lower), np.full(CAMERA.shape, 8, np.float32))
     check(found, RowAlignment(1.0))
 
 
-def test_shift_is_told_in_pixels_of_the_full_image():
+def test_offset_is_in_pixels_of_the_full_image():
     alignment = RowAlignment(0.6, 0.003)
     pair = waves.stereo_pair(CAMERA, PLANE, alignment)
     disparity = found_disparity(alignment)
@@ -86,7 +91,7 @@ def test_turn_is_about_the_principal_point():
     check(measured(pair, camera=camera), alignment)
 
 
-def test_disparity_of_infinity_is_taken_into_account():
+def test_principal_points_may_differ():
     camera = StereoCamera(240, 180, 150.0, 150.0, 119.5, 89.5, 0.1, cx_right=113.0)
     alignment = RowAlignment(-0.5)
     pair = waves.stereo_pair(camera, PLANE, alignment)
@@ -101,7 +106,7 @@ def test_brightness_may_differ():
 
 
 @pytest.mark.parametrize('shape', ['half', 'patch'])
-def test_pixels_without_a_match_do_not_count(shape):
+def test_unmatched_pixels_do_not_count(shape):
     alignment = RowAlignment(0.5)
     left, right = waves.stereo_pair(CAMERA, PLANE, alignment)
     disparity = PLANE.disparity(CAMERA)
@@ -120,12 +125,12 @@ def test_false_matches_are_outvoted():
 
 
 @pytest.mark.parametrize('level', [0, 128, 255])
-def test_without_texture_there_is_none(level):
+def test_an_image_without_texture_has_no_row_shift(level):
     image = np.full(CAMERA.shape, level, np.uint8)
     assert measured((image, image)) == STRAIGHT
 
 
-def test_texture_that_does_not_change_down_the_image_tells_nothing():
+def test_vertical_stripes_show_no_row_shift():
     columns = np.broadcast_to(np.arange(CAMERA.width), CAMERA.shape)
     left = waves.as_image(waves.texture(columns, 0 * columns))
     right = np.roll(left, -8, axis=1)
@@ -135,7 +140,7 @@ def test_texture_that_does_not_change_down_the_image_tells_nothing():
 
 
 @pytest.mark.parametrize(('matched', 'enough'), [(0, False), (499, False), (2000, True)])
-def test_too_little_matched_is_none(matched, enough):
+def test_few_matches_give_no_estimate(matched, enough):
     alignment = RowAlignment(0.5)
     pair = waves.stereo_pair(CAMERA, PLANE, alignment)
     disparity = np.zeros(CAMERA.shape, np.float32)
@@ -153,7 +158,7 @@ def test_too_little_matched_is_none(matched, enough):
 @pytest.mark.parametrize(
     ('offset', 'kept'), [(0.7, True), (-0.7, True), (0.8, False), (-0.8, False)]
 )
-def test_shift_of_more_than_three_pixels_is_no_shift(offset, kept):
+def test_shifts_beyond_the_largest_are_rejected(offset, kept):
     pair = waves.stereo_pair(CAMERA, PLANE, RowAlignment(offset), shortest_px=8)
     found = measured(pair, reduction=4.0)
     if kept:
@@ -162,7 +167,7 @@ def test_shift_of_more_than_three_pixels_is_no_shift(offset, kept):
         assert found == STRAIGHT
 
 
-def test_images_stay_as_they_are():
+def test_inputs_are_not_changed():
     left, right = waves.stereo_pair(CAMERA, PLANE)
     disparity = PLANE.disparity(CAMERA)
     before = left.copy(), right.copy(), disparity.copy()
@@ -185,103 +190,106 @@ def bent_pair(alignment, lenses):
     return waves.stereo_pair(CAMERA, PLANE, alignment, lenses=lenses, noise=2.0)
 
 
-def estimate(alignment, lenses, reduction=1.0):
+def estimate(alignment, lenses, reduction=1.0, parameters=PARAMETERS):
     disparity = waves.disparity_seen(CAMERA, PLANE, alignment, lenses)
-    pair = bent_pair(alignment, lenses)
-    return estimate_rectification(pair, disparity, CAMERA, reduction)
+    reduced = ReducedPair(bent_pair(alignment, lenses), CAMERA, reduction)
+    return estimate_rectification(reduced, disparity, Correction(parameters=parameters))
 
 
 def moved_columns(alignment, lenses):
-    """By how much both lenses and the turn change the disparity of the plane."""
+    """Disparity that both lenses and the turn add to the plane."""
     return waves.disparity_seen(CAMERA, PLANE, alignment, lenses) - PLANE.disparity(CAMERA)
 
 
 def error_px(found, alignment, lenses):
-    error = moved_columns(found.alignment, found.lenses) - moved_columns(alignment, lenses)
-    return np.sqrt(np.mean(error[INNER] ** 2))
+    measured = moved_columns(found.correction.rows, found.correction.lenses)
+    return np.sqrt(np.mean((measured - moved_columns(alignment, lenses))[INNER] ** 2))
 
 
 @pytest.mark.parametrize(('alignment', 'lenses'), LENSES, ids=str)
-def test_lenses_that_bend_rows_tell_how_they_bend_columns(alignment, lenses):
+def test_distortion_of_columns_follows_from_that_of_rows(alignment, lenses):
     found = estimate(alignment, lenses)
-    assert found.gain > 100
+    assert found.lens_gain > 100
     assert np.abs(moved_columns(alignment, lenses)[INNER]).max() > 0.8
     assert error_px(found, alignment, lenses) < 0.15
-    assert found.alignment.offset_px == pytest.approx(alignment.offset_px, abs=0.08)
-    assert found.moved_px > 0.1
+    assert found.correction.rows.offset_px == pytest.approx(alignment.offset_px, abs=0.08)
+    assert found.lens_change_px > 0.1
 
 
 @pytest.mark.parametrize('alignment', [STRAIGHT, RowAlignment(0.7, 0.004)], ids=str)
-def test_straight_lenses_explain_hardly_more_than_chance_would(alignment):
-    assert estimate(alignment, STRAIGHT_LENSES).gain < 20
+def test_straight_lenses_have_a_low_gain(alignment):
+    assert estimate(alignment, STRAIGHT_LENSES).lens_gain < 20
 
 
 @pytest.mark.parametrize(('alignment', 'lenses'), LENSES, ids=str)
-def test_what_is_known_of_the_lenses_is_built_upon(alignment, lenses):
+def test_estimate_refines_known_lenses(alignment, lenses):
     first = estimate(alignment, lenses)
-    straight = first.lenses.straightened(bent_pair(alignment, lenses), CAMERA)
+    straight = first.correction.lenses.straightened(bent_pair(alignment, lenses), CAMERA)
     second = estimate_rectification(
-        straight, PLANE.disparity(CAMERA), CAMERA, 1.0, first.alignment, first.lenses
+        ReducedPair(straight, CAMERA, 1.0), PLANE.disparity(CAMERA), first.correction
     )
-    assert second.gain > 100
-    assert second.moved_px < 0.5
+    assert second.lens_gain > 100
+    assert second.lens_change_px < 0.5
     assert error_px(second, alignment, lenses) < 0.12
 
 
-def test_lenses_are_told_whatever_the_reduction():
+def test_lenses_do_not_depend_on_the_reduction():
     one, four = (estimate(*LENSES[3], reduction) for reduction in (1.0, 4.0))
-    assert four.lenses == one.lenses
-    assert four.alignment.offset_px == pytest.approx(4 * one.alignment.offset_px)
-    assert four.moved_px == pytest.approx(4 * one.moved_px)
-    assert four.gain == one.gain
+    assert four.correction.lenses == one.correction.lenses
+    one_px, four_px = (each.correction.rows.offset_px for each in (one, four))
+    assert four_px == pytest.approx(4 * one_px)
+    assert four.lens_change_px == pytest.approx(4 * one.lens_change_px)
+    assert four.lens_gain == one.lens_gain
 
 
 @pytest.mark.parametrize('level', [0, 128, 255])
-def test_without_texture_there_are_no_lenses(level):
+def test_an_image_without_texture_has_no_lens_gain(level):
     image = np.full(CAMERA.shape, level, np.uint8)
-    found = estimate_rectification((image, image), PLANE.disparity(CAMERA), CAMERA, 1.0)
-    assert found.gain == 0
+    reduced = ReducedPair((image, image), CAMERA, 1.0)
+    found = estimate_rectification(reduced, PLANE.disparity(CAMERA), UNCORRECTED)
+    assert found.lens_gain == 0
 
 
-def test_too_little_matched_tells_no_lenses():
+def test_few_matches_leave_what_is_known():
     disparity = np.zeros(CAMERA.shape, np.float32)
     disparity[:, 100:102] = 12
-    known = RowAlignment(0.5), Lenses(BENT)
-    found = estimate_rectification(bent_pair(*LENSES[0]), disparity, CAMERA, 1.0, *known)
-    assert found == Rectification(*known, 0.0, 0.0)
+    known = Correction(RowAlignment(0.5), Lenses(BENT))
+    reduced = ReducedPair(bent_pair(*LENSES[0]), CAMERA, 1.0)
+    assert estimate_rectification(reduced, disparity, known) == RectificationEstimate(known)
 
 
-def test_what_bends_too_far_is_no_rest_of_a_rectification(monkeypatch):
-    bends = estimate(*LENSES[0]).lenses.most_bend_px(CAMERA)
-    for factor, believed in ((0.9, False), (1.1, True)):
-        monkeypatch.setattr(row_estimation, '_MOST_BENT', bends / factor / CAMERA.width)
-        found = estimate(*LENSES[0])
-        assert (found.gain > 0) != believed
-        assert (found.lenses == STRAIGHT_LENSES) == believed
+def test_distortion_beyond_the_largest_is_rejected():
+    bend_px = estimate(*LENSES[0]).correction.lenses.max_bend_px(CAMERA)
+    for factor, accepted in ((0.9, False), (1.1, True)):
+        limit = replace(PARAMETERS, max_bend_share=factor * bend_px / CAMERA.width)
+        found = estimate(*LENSES[0], parameters=limit)
+        assert (found.lens_gain > 0) == accepted
+        assert bool(found.correction.lenses) == accepted
 
 
 @pytest.mark.parametrize('cx_right', [100.0, 130.0])
 @pytest.mark.parametrize('side', ['left', 'right'])
-def test_lenses_of_eyes_with_principal_points_and_focal_lengths_of_their_own(side, cx_right):
+def test_cameras_with_unequal_principal_points_and_focal_lengths(side, cx_right):
     camera = StereoCamera(240, 180, 150.0, 140.0, 119.5, 80.0, 0.1, cx_right=cx_right)
     lenses = Lenses(**{side: LensDistortion(0.03)})
     pair = waves.stereo_pair(camera, PLANE, lenses=lenses, noise=2.0)
     disparity = waves.disparity_seen(camera, PLANE, lenses=lenses)
-    found = estimate_rectification(pair, disparity, camera, 1.0)
-    assert found.gain > 100
-    error = waves.disparity_seen(camera, PLANE, lenses=found.lenses) - disparity
+    reduced = ReducedPair(pair, camera, 1.0)
+    found = estimate_rectification(reduced, disparity, UNCORRECTED)
+    assert found.lens_gain > 100
+    error = waves.disparity_seen(camera, PLANE, lenses=found.correction.lenses) - disparity
     bent = disparity - PLANE.disparity(camera)
     assert np.abs(bent[INNER]).max() > 0.8
     assert np.sqrt(np.mean(error[INNER] ** 2)) < 0.2
 
 
-@pytest.mark.parametrize('turns_deg', [(0.3, 0.0), (0.0, 0.3), (-0.3, 0.3)], ids=str)
-def test_an_eye_that_looks_aside_or_up_is_no_lens(turns_deg):
+@pytest.mark.parametrize('turns_deg', [(0.3, 0.0), (0.0, 0.8), (-0.3, 0.3)], ids=str)
+def test_a_right_camera_that_looks_aside_or_up_is_not_taken_for_distortion(turns_deg):
     aside, up = np.tan(np.radians(turns_deg))
     left, right = waves.stereo_pair(CAMERA, PLANE, noise=2.0)
     columns, rows = np.meshgrid(np.arange(240.0), np.arange(180.0))
     x, y = (columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy
-    # What a small turn moves, less its shift of all.
+    # A small rotation, without the shift of the whole image.
     places = (
         columns + (aside * x * x + up * x * y) * CAMERA.fx,
         rows + (aside * x * y + up * y * y) * CAMERA.fy,
@@ -293,5 +301,6 @@ def test_an_eye_that_looks_aside_or_up_is_no_lens(turns_deg):
     reached = columns - PLANE.disparity(CAMERA)
     at = (reached - CAMERA.cx) / CAMERA.fx
     disparity = PLANE.disparity(CAMERA) + (aside * at * at + up * at * y) * CAMERA.fx
-    found = estimate_rectification((left, turned), disparity.astype(np.float32), CAMERA, 1.0)
-    assert found.gain < 25
+    reduced = ReducedPair((left, turned), CAMERA, 1.0)
+    found = estimate_rectification(reduced, disparity.astype(np.float32), UNCORRECTED)
+    assert found.lens_gain < 20

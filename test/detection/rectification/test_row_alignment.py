@@ -17,20 +17,20 @@ def test_row_of_a_left_pixel_in_the_right_image():
     )
 
 
-def test_disparity_that_a_turn_adds():
+def test_disparity_added_by_a_turn():
     np.testing.assert_array_equal(
         RowAlignment(0.5, 0.25).added_disparity(CAMERA), [[-0.25], [0], [0.25]]
     )
 
 
-def test_rows_by_which_the_worse_side_is_off():
+def test_largest_row_shift():
     assert RowAlignment(-0.5, 0.0).most_px(CAMERA) == 0.5
     # The principal point is column 1 of 4.
     assert RowAlignment(0.5, 0.25).most_px(CAMERA) == 1.0
     assert RowAlignment(0.25, -0.5).most_px(CAMERA) == 0.75
 
 
-def test_reduced_images_are_off_by_less():
+def test_reduced_images_are_off_by_fewer_rows():
     alignment = RowAlignment(2.0, 0.25)
     assert alignment.reduced(4) == RowAlignment(0.5, 0.25)
     assert alignment.reduced(4).reduced(1 / 4) == alignment

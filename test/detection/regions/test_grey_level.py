@@ -9,14 +9,14 @@ REGIONS = np.array([[1, 1, 2, 2, 3, 3]], np.int32)
 GREY = np.array([[49, 50, 200, 210, 10, 20]], np.uint8)
 
 
-def test_region_in_the_dark_without_points_is_dark():
+def test_dark_regions_without_points_are_found():
     is_seed = np.zeros(4, bool)
     np.testing.assert_array_equal(
         dark_regions(GREY, REGIONS, is_seed, 50), [False, True, False, True]
     )
 
 
-def test_seed_regions_are_not_judged_by_grey_level():
+def test_seed_regions_are_not_judged_by_their_grey_level():
     is_seed = np.array([False, False, False, True])
     np.testing.assert_array_equal(
         dark_regions(GREY, REGIONS, is_seed, 50), [False, True, False, False]
@@ -24,7 +24,7 @@ def test_seed_regions_are_not_judged_by_grey_level():
 
 
 @pytest.mark.parametrize(('limit', 'dark'), [(49.5, False), (49.6, True)])
-def test_only_a_mean_below_the_threshold_is_dark(limit, dark):
+def test_regions_with_a_mean_below_the_threshold_are_dark(limit, dark):
     assert dark_regions(GREY, REGIONS, np.zeros(4, bool), limit)[1] == dark
 
 

@@ -7,15 +7,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from rover_obstacle_detection.detection.images.parameters import ImageParameters
+from rover_obstacle_detection.detection.regions.parameters import RegionParameters
 from rover_obstacle_detection.detection.regions.segmentation import (
     connected_levels,
     mean_shift_regions,
     merge_small,
+    reduced_regions,
 )
 
 
 def flood_fill(image, max_difference):
-    """Label in reading order, pixel by pixel."""
+    """Label pixel by pixel, in reading order."""
     height, width = image.shape
     labels = np.zeros(image.shape, int)
     for start in np.ndindex(image.shape):
@@ -53,19 +56,19 @@ def test_regions_are_those_of_a_flood_fill(image, max_difference):
     assert same_partition(labels, flood_fill(image, max_difference))
 
 
-def test_neighbours_connect_by_sides_only():
+def test_diagonal_neighbours_are_not_connected():
     image = np.array([[0, 255], [255, 0]], np.uint8)
     assert len(np.unique(connected_levels(image, 10))) == 4
 
 
-def test_gentle_gradient_is_one_region_and_a_jump_is_not():
+def test_a_gentle_gradient_is_one_region_and_a_jump_separates():
     image = np.tile(np.arange(0, 200, 4, dtype=np.uint8), (5, 1))
     assert (connected_levels(image, 4) == 1).all()
     image[:, 25:] += 20
     assert len(np.unique(connected_levels(image, 4))) == 2
 
 
-def test_small_regions_go_to_the_nearest_large_one():
+def test_small_regions_are_merged_into_the_nearest_large_one():
     labels = np.ones((10, 20), np.int32)
     labels[:, 10:] = 2
     labels[4:6, 3:5] = 3
@@ -76,7 +79,7 @@ def test_small_regions_go_to_the_nearest_large_one():
     assert merged.dtype == np.int32
 
 
-def test_regions_at_the_limit_stay_and_numbers_close_up():
+def test_regions_at_the_limit_stay_and_are_renumbered():
     labels = np.array([[1, 2, 2, 3, 3, 3, 3, 4, 5, 5, 5]], np.int32)
     merged = merge_small(labels, 3)
     assert sorted(np.unique(merged)) == [1, 2]
@@ -84,7 +87,7 @@ def test_regions_at_the_limit_stay_and_numbers_close_up():
     assert (merged[0, 8:] == 2).all()
 
 
-def test_without_a_large_region_all_are_one():
+def test_all_pixels_are_one_region_if_none_is_large_enough():
     labels = np.arange(1, 13, dtype=np.int32).reshape(3, 4)
     np.testing.assert_array_equal(merge_small(labels, 2), np.ones((3, 4), np.int32))
 
@@ -98,7 +101,7 @@ def test_without_a_large_region_all_are_one():
     ),
     min_size=st.integers(1, 20),
 )
-def test_merging_leaves_no_gap_in_numbers_and_no_pixel_out(labels, min_size):
+def test_merged_regions_are_numbered_without_gaps_and_cover_all_pixels(labels, min_size):
     merged = merge_small(labels, min_size)
     count = merged.max()
     assert sorted(np.unique(merged)) == list(range(1, count + 1))
@@ -109,7 +112,7 @@ def test_merging_leaves_no_gap_in_numbers_and_no_pixel_out(labels, min_size):
     assert count == max(np.count_nonzero(sizes[1:] >= min_size), 1)
 
 
-def test_dark_and_bright_halves_are_regions_of_their_own():
+def test_dark_and_bright_halves_are_separate_regions():
     noise = np.random.default_rng(2).normal(0, 3, (60, 80))
     levels = np.full((60, 80), 20.0)
     levels[:, 40:] = 170
@@ -121,7 +124,7 @@ def test_dark_and_bright_halves_are_regions_of_their_own():
     assert regions[0, 0] != regions[0, 79]
 
 
-def test_spot_smaller_than_the_limit_is_no_region():
+def test_a_spot_smaller_than_the_limit_is_merged():
     image = np.full((60, 80), 120, np.uint8)
     cv2.circle(image, (40, 30), 10, 30, -1)
     assert len(np.unique(mean_shift_regions(image, 8, 20, 50))) == 2
@@ -134,8 +137,39 @@ def test_uniform_image_is_one_region(level):
 
 
 @pytest.mark.parametrize('shape', [(3, 3), (5, 64), (48, 7)])
-def test_tiny_images_have_regions_too(shape):
+def test_tiny_images_are_segmented(shape):
     image = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
     regions = mean_shift_regions(image, 15, 20, 5)
     assert regions.shape == shape
     assert regions.min() >= 1
+
+
+def regions_of(grey):
+    return reduced_regions(grey, RegionParameters(), ImageParameters())
+
+
+def test_reduced_regions_separate_dark_and_bright_halves():
+    levels = np.full((96, 130), 40.0)
+    levels[:, 64:] = 180
+    noise = np.random.default_rng(2).normal(0, 3, levels.shape)
+    regions = regions_of(np.rint(levels + noise).astype(np.uint8))
+    assert regions.dtype == np.int32
+    assert regions.shape == levels.shape
+    assert (regions[:, :60] == regions[0, 0]).all()
+    assert (regions[:, 70:] == regions[0, -1]).all()
+    assert regions[0, 0] != regions[0, -1]
+
+
+def test_bandwidth_of_reduced_regions_follows_the_texture():
+    levels = np.full((96, 128), 100.0)
+    levels[:, 64:] = 120
+    # Texture four pixels wide, so that the reduction keeps it.
+    coarse = np.random.default_rng(2).normal(0, 10, (24, 32))
+    texture = np.kron(coarse, np.ones((4, 4)))
+    assert len(np.unique(regions_of(levels.astype(np.uint8)))) == 2
+    assert len(np.unique(regions_of(np.rint(levels + texture).astype(np.uint8)))) == 1
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (3, 50), (7, 2)])
+def test_reduced_regions_of_tiny_images(shape):
+    np.testing.assert_array_equal(regions_of(np.full(shape, 90, np.uint8)), np.ones(shape))

@@ -1,19 +1,25 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+from hand_made import small_detection
 
-from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
-from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection
+from rover_obstacle_detection.detection.rectification.correction import Correction
+from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
+from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 
 CAMERA = StereoCamera(4, 2, 10.0, 10.0, 1.0, 1.0, 0.5)
 UP = (0.0, -1.0, 0.0)
 
 
-def detection(**products):
-    arrays = {
+def detection(**changes):
+    """Two obstacles, of three pixels and of one, and four pixels of ground."""
+    fields = {
+        'ground': GroundPlane(UP, 1.0, UP),
         'grey': np.full((2, 4), 100, np.uint8),
         'disparity': np.array([[5, 5, 0, 5], [5, 5, 2.5, 5]], np.float32),
         'height': np.array([[0.2, 0.1, 0.3, np.nan], [0, 0, 0.5, 0]], np.float32),
@@ -22,14 +28,10 @@ def detection(**products):
         'known': np.array([[1, 1, 1, 1], [1, 1, 1, 0]], np.bool_),
         'mask': np.array([[255, 0, 255, 255], [0, 0, 255, 0]], np.uint8),
     }
-    return Detection(CAMERA, DetectorConfig(), GroundPlane(UP, 1.0, UP), {**arrays, **products})
+    return small_detection(CAMERA, **{**fields, **changes})
 
 
-def test_levels_of_the_mask():
-    assert (FREE, OBSTACLE) == (0, 255)
-
-
-def test_obstacle_points_are_those_with_depth_and_height_row_by_row():
+def test_obstacle_points_have_depth_and_height_row_by_row():
     found = detection()
     np.testing.assert_allclose(
         found.obstacle_points,
@@ -48,7 +50,15 @@ def test_unknown_pixels_are_not_obstacle_points():
     assert point[:4] == pytest.approx([-0.1, -0.1, 1.0, 0.2])
 
 
-def test_each_pixel_knows_its_obstacle_and_how_sure_it_is():
+def test_ground_points_are_the_known_free_pixels():
+    np.testing.assert_allclose(
+        detection().ground_points,
+        [[0.0, -0.1, 1.0, 0.1], [-0.1, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+        atol=1e-6,
+    )
+
+
+def test_each_pixel_has_number_and_confidence_of_its_obstacle():
     found = detection()
     np.testing.assert_array_equal(found.obstacle_numbers, [[2, 0, 1, 1], [0, 0, 1, 0]])
     large, small = (each.confidence for each in found.obstacles)
@@ -60,40 +70,44 @@ def test_each_pixel_knows_its_obstacle_and_how_sure_it_is():
     assert found.confidence.dtype == np.float32
 
 
-def test_unknown_pixels_are_in_no_cloud():
-    np.testing.assert_allclose(
-        detection().ground_points,
-        [[0.0, -0.1, 1.0, 0.1], [-0.1, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        atol=1e-6,
-    )
-
-
-def test_clouds_may_be_empty():
+def test_free_image_has_empty_clouds():
     free = detection(mask=np.zeros((2, 4), np.uint8))
     assert free.obstacle_points.shape == (0, 5)
     assert free.obstacle_points.dtype == np.float32
     assert free.obstacles == ()
     assert not free.confidence.any()
+    assert len(free.ground_points) == 5
 
 
-def test_products_are_made_when_asked_for_and_once():
-    calls = []
-
-    def roughness():
-        calls.append('roughness')
-        return np.zeros((2, 4), np.float32)
-
-    found = detection(roughness=roughness)
-    assert calls == []
-    assert found.roughness is found.roughness
-    assert calls == ['roughness']
-    with pytest.raises(ValueError, match='read-only'):
-        found.roughness[0, 0] = 1
-
-
-def test_obstacles_carry_height_and_range():
+def test_obstacles_have_height_and_range():
     large, small = detection().obstacles
     assert (large.pixels, small.pixels) == (3, 1)
     assert large.max_height_m == pytest.approx(0.5)
     assert large.range_m == pytest.approx(np.hypot(0.2, 2.0))
     assert small.max_height_m == pytest.approx(0.2)
+
+
+def test_given_and_computed_arrays_are_read_only():
+    found = detection()
+    for array in (found.mask, found.cues, found.points, found.confidence, found.obstacle_points):
+        with pytest.raises(ValueError, match='read-only'):
+            array[0] = 1
+
+
+def test_points_are_computed_once():
+    found = detection()
+    assert found.points is found.points
+
+
+def test_rows_and_lenses_are_those_of_the_correction():
+    correction = Correction(RowAlignment(0.4), Lenses(LensDistortion(-0.01)))
+    found = dataclasses.replace(detection(), correction=correction)
+    assert found.alignment == RowAlignment(0.4)
+    assert found.lenses == Lenses(LensDistortion(-0.01))
+
+
+def test_products_of_the_study_are_offered_by_name():
+    found = small_detection()
+    assert set(np.unique(found.regions)) == {1, 2}
+    for name in ('regions', 'seeds', 'roughness', 'step'):
+        assert getattr(found, name) is getattr(found.study, name)

@@ -10,6 +10,8 @@ from rover_obstacle_detection.detection.result.obstacles import (
     number_obstacles,
 )
 
+TAIL_SHARE = 0.02
+
 
 def scene():
     """Pixels a decimetre apart on a wall 2 m away, all 0.2 m high."""
@@ -22,10 +24,10 @@ def scene():
 def find_obstacles(mask, points, height_m):
     numbered = number_obstacles(mask)
     confidence = np.linspace(0.9, 0.1, len(numbered.boxes), dtype=np.float32)
-    return describe_obstacles(numbered, points, height_m, confidence)
+    return describe_obstacles(numbered, points, height_m, confidence, TAIL_SHARE)
 
 
-def test_nothing_in_an_empty_mask():
+def test_empty_mask_has_no_obstacle():
     assert find_obstacles(*scene()) == ()
 
 
@@ -61,14 +63,14 @@ def test_largest_comes_first():
     assert [each.pixels for each in find_obstacles(mask, points, height)] == [16, 4, 1]
 
 
-def test_corners_connect():
+def test_pixels_connect_at_corners():
     mask, points, height = scene()
     mask[3, 3] = mask[4, 4] = 255
     (found,) = find_obstacles(mask, points, height)
     assert (found.width, found.height, found.pixels) == (2, 2, 2)
 
 
-def test_figures_are_of_its_own_pixels_only():
+def test_measures_are_of_the_obstacles_own_pixels():
     mask, points, height = scene()
     mask[2:8, 2] = mask[2, 2:8] = 255
     mask[6, 6] = 255
@@ -90,7 +92,7 @@ def test_points_without_depth_do_not_count():
     assert found.minimum_m == pytest.approx((0.5, 0.6, 2.0))
 
 
-def test_obstacle_without_any_depth_is_kept_with_unknown_place():
+def test_obstacle_without_depth_has_no_place():
     mask, points, height = scene()
     mask[5:8, 5:8] = 255
     points[:], height[:] = np.nan, np.nan
@@ -101,14 +103,14 @@ def test_obstacle_without_any_depth_is_kept_with_unknown_place():
     assert math.isnan(found.range_m)
 
 
-def test_order_of_equals_does_not_change():
+def test_obstacles_of_the_same_size_keep_their_order():
     mask, points, height = scene()
     mask[2, 2] = mask[2, 12] = mask[12, 7] = 255
     found = find_obstacles(mask, points, height)
     assert [(each.left, each.top) for each in found] == [(2, 2), (12, 2), (7, 12)]
 
 
-def test_pixels_bear_the_number_of_their_obstacle_the_largest_first():
+def test_obstacles_are_numbered_largest_first():
     mask = np.zeros((6, 8), np.uint8)
     mask[0, 0] = 255
     mask[3:6, 2:6] = 255
@@ -127,5 +129,5 @@ def test_each_obstacle_has_its_own_confidence():
     mask[1, 1] = 255
     mask[5:9, 5:9] = 255
     confidence = np.array([0.75, 0.25], np.float32)
-    found = describe_obstacles(number_obstacles(mask), points, height, confidence)
+    found = describe_obstacles(number_obstacles(mask), points, height, confidence, TAIL_SHARE)
     assert [(each.pixels, each.confidence) for each in found] == [(16, 0.75), (1, 0.25)]

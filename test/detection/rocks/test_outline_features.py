@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
-from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.rocks.outline_features import (
     EVERYWHERE,
-    PLANES,
+    FEATURES,
     grey_against_ground,
     measured_neighbours,
-    outline_planes,
+    outline_features,
 )
-from rover_obstacle_detection.detection.stereo.ground_matching import Stereo
-from rover_obstacle_detection.detection.terrain.hazards import Standing
-from rover_obstacle_detection.detection.terrain.survey import Terrain
+from rover_obstacle_detection.detection.rocks.parameters import RockParameters
+from rover_obstacle_detection.detection.rocks.standing import Standing
+from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
 NAN = np.nan
 SHAPE = (30, 40)
@@ -27,7 +27,7 @@ TEXTURE = 4.0
 
 
 def scene(scale=1.0, gaps=()):
-    """Ground at 0, a rock of 0.3 m, noise of 0.02 m, all lengths times a scale."""
+    """A rock of 0.3 m on flat ground, with noise of 0.02 m; all lengths times a scale."""
     height = np.zeros(SHAPE, np.float32)
     height[10:20, 10:20] = 0.3
     height[20:26, 25:35] = -0.05
@@ -39,8 +39,8 @@ def scene(scale=1.0, gaps=()):
         height[gap], noise[gap], pixels_per_metre[gap] = NAN, np.inf, 0
     parts = np.where(height > 0.2, 3, 0).astype(np.int32)
     top_m = np.array([0, 0, 0, 0.3 * scale], np.float32)
-    below_eye = np.full(SHAPE, scale, np.float32)
-    terrain = Terrain(height * scale, noise * scale, below_eye, pixels_per_metre / scale, ())
+    camera_m = np.full(SHAPE, scale, np.float32)
+    terrain = Terrain(height * scale, noise * scale, camera_m, pixels_per_metre / scale, ())
     return terrain, Standing(parts, top_m)
 
 
@@ -55,32 +55,30 @@ def stereo_of(noise_px, height_m=1.0):
     flat = np.full(SHAPE, 5, np.float32)
     noise = np.broadcast_to(np.float32(noise_px), SHAPE).copy()
     pair = grey_image(), np.roll(grey_image(), -5, axis=1)
-    return Stereo(
-        pair, GroundPlane(up, height_m, up), flat, flat.copy(), noise, RowAlignment(), 2.0, TEXTURE
-    )
+    frame, ground = Frame(pair, CAMERA), GroundPlane(up, height_m, up)
+    return Stereo(frame, ground, flat, flat.copy(), noise, 2.0, TEXTURE)
 
 
-def planes_of(terrain, standing, max_step=0.1, noise_px=0.1, window=EVERYWHERE):
-    found = outline_planes(
-        stereo_of(noise_px, max_step * 10),
+def features_of(terrain, standing, max_step_m=0.1, noise_px=0.1, window=EVERYWHERE):
+    found = outline_features(
+        stereo_of(noise_px, max_step_m * 10),
         terrain,
         standing,
-        CAMERA,
-        DetectorConfig(max_step=max_step),
         window,
+        RockParameters(max_step_m=max_step_m),
     )
-    assert found.shape == (len(PLANES), *np.empty(SHAPE)[window].shape)
+    assert found.shape == (len(FEATURES), *np.empty(SHAPE)[window].shape)
     assert found.dtype == np.float32
     assert np.isfinite(found).all()
-    return dict(zip(PLANES, found, strict=True))
+    return dict(zip(FEATURES, found, strict=True))
 
 
 def test_values_on_a_rock_and_beside_it():
-    planes = planes_of(*scene())
+    features = features_of(*scene())
     rock, ground = (12, 12), (12, 4)
     for name, on_rock, on_ground in (
         ('height over the step', 3.0, 0.0),
-        # 15 noises are cut off at 12, and brought to scale.
+        # 15 noises are limited to 12 and divided by 4.
         ('height over its noise', 3.0, 0.0),
         ('measured', 1.0, 1.0),
         ('noise over the step', 0.2, 0.2),
@@ -89,23 +87,23 @@ def test_values_on_a_rock_and_beside_it():
         ('standing part', 1.0, 0.0),
         ('top of the part over the step', 3.0, 3.0),
     ):
-        assert planes[name][rock] == pytest.approx(on_rock, rel=1e-5), name
-        assert planes[name][ground] == pytest.approx(on_ground, rel=1e-5), name
-    assert planes['grey level against the ground'][rock] > 0.5
-    assert planes['grey level against the ground'][ground] == pytest.approx(0, abs=0.05)
+        assert features[name][rock] == pytest.approx(on_rock, rel=1e-5), name
+        assert features[name][ground] == pytest.approx(on_ground, rel=1e-5), name
+    assert features['grey level against the ground'][rock] > 0.5
+    assert features['grey level against the ground'][ground] == pytest.approx(0, abs=0.05)
 
 
 def test_values_below_the_ground_and_far_away():
-    planes = planes_of(*scene())
-    assert planes['height over the step'][22, 27] == pytest.approx(-0.5)
-    assert planes['height over its noise'][22, 27] == pytest.approx(-0.05 / 0.02 / 4)
-    assert planes['height over its noise'][22, 32] == pytest.approx(-0.05 / 0.1 / 4)
-    assert planes['noise over the step'][22, 32] == pytest.approx(1.0)
-    assert planes['scale'][22, 27] == pytest.approx(np.log(40) / 3)
+    features = features_of(*scene())
+    assert features['height over the step'][22, 27] == pytest.approx(-0.5)
+    assert features['height over its noise'][22, 27] == pytest.approx(-0.05 / 0.02 / 4)
+    assert features['height over its noise'][22, 32] == pytest.approx(-0.05 / 0.1 / 4)
+    assert features['noise over the step'][22, 32] == pytest.approx(1.0)
+    assert features['scale'][22, 27] == pytest.approx(np.log(40) / 3)
 
 
-def test_top_reaches_a_little_beyond_the_part():
-    tops = planes_of(*scene())['top of the part over the step']
+def test_top_of_a_part_reaches_a_little_beyond_it():
+    tops = features_of(*scene())['top of the part over the step']
     assert tops[12, 3] == pytest.approx(3)
     assert tops[12, 2] == 0
     assert tops[3, 12] == pytest.approx(3)
@@ -114,12 +112,12 @@ def test_top_reaches_a_little_beyond_the_part():
 
 @pytest.mark.parametrize('gaps', [(), (np.s_[8:14, 14:24], np.s_[25, :])], ids=['', 'gaps'])
 @pytest.mark.parametrize('scale', [0.5, 2.0])
-def test_world_and_rover_twice_as_large_look_the_same(scale, gaps):
-    one = planes_of(*scene(gaps=gaps))
-    other = planes_of(*scene(scale, gaps), max_step=0.1 * scale)
-    for name in PLANES:
+def test_features_do_not_depend_on_the_size_of_the_rover(scale, gaps):
+    one = features_of(*scene(gaps=gaps))
+    other = features_of(*scene(scale, gaps), max_step_m=0.1 * scale)
+    for name in FEATURES:
         if gaps and name == 'noise over the step':
-            # What is not known at all has a noise in metres.
+            # A row without any 3D has a noise in metres.
             known = np.s_[:25]
             np.testing.assert_allclose(other[name][known], one[name][known], rtol=1e-4)
         else:
@@ -127,82 +125,82 @@ def test_world_and_rover_twice_as_large_look_the_same(scale, gaps):
 
 
 @pytest.mark.parametrize('height', [-9.0, 9.0])
-def test_values_are_limited(height):
+def test_features_are_limited(height):
     terrain, standing = scene()
     terrain.height_m[:] = height
     terrain.noise_m[:] = 1e-6
     terrain.pixels_per_metre[:, :20] = 1e6
     terrain.pixels_per_metre[:, 20:] = 1e-6
     standing.top_m[3] = height
-    planes = planes_of(terrain, standing)
-    for name, plane in planes.items():
-        assert np.abs(plane).max() <= 6, name
+    features = features_of(terrain, standing)
+    for name, feature in features.items():
+        assert np.abs(feature).max() <= 6, name
     terrain.noise_m[:] = 5.0
-    assert planes_of(terrain, standing)['noise over the step'].max() == 2
+    assert features_of(terrain, standing)['noise over the step'].max() == 2
 
 
 def test_gap_takes_the_values_of_its_lower_side():
-    # Right of the rock, where it hides what lies behind; then a gap within the rock.
+    # Beside the rock, where it hides the ground behind; and within the rock.
     terrain, standing = scene(gaps=(np.s_[12, 18:24], np.s_[15, 13:15]))
-    planes = planes_of(terrain, standing)
-    np.testing.assert_allclose(planes['height over the step'][12, 16:26], [3, 3] + [0] * 8)
-    np.testing.assert_allclose(planes['standing part'][12, 16:26], [1, 1] + [0] * 8)
-    np.testing.assert_allclose(planes['height over the step'][15, 10:20], 3)
-    np.testing.assert_allclose(planes['standing part'][15, 10:20], 1)
-    np.testing.assert_array_equal(planes['measured'][12, 16:26], [1] * 2 + [0] * 6 + [1] * 2)
-    np.testing.assert_allclose(planes['noise over the step'][12, :30], 0.2, rtol=1e-5)
-    np.testing.assert_allclose(planes['scale'][12], np.log(20) / 3, rtol=1e-5)
+    features = features_of(terrain, standing)
+    np.testing.assert_allclose(features['height over the step'][12, 16:26], [3, 3] + [0] * 8)
+    np.testing.assert_allclose(features['standing part'][12, 16:26], [1, 1] + [0] * 8)
+    np.testing.assert_allclose(features['height over the step'][15, 10:20], 3)
+    np.testing.assert_allclose(features['standing part'][15, 10:20], 1)
+    np.testing.assert_array_equal(features['measured'][12, 16:26], [1] * 2 + [0] * 6 + [1] * 2)
+    np.testing.assert_allclose(features['noise over the step'][12, :30], 0.2, rtol=1e-5)
+    np.testing.assert_allclose(features['scale'][12], np.log(20) / 3, rtol=1e-5)
 
 
-def test_gap_is_carried_with_all_that_is_known_of_its_source():
+def test_gap_takes_noise_and_height_from_the_same_pixel():
     terrain, standing = scene(gaps=(np.s_[5, 25:33],))
     terrain.height_m[5, 33:] = -0.02
-    planes = planes_of(terrain, standing)
-    np.testing.assert_allclose(planes['noise over the step'][5, 25:33], 1.0)
+    features = features_of(terrain, standing)
+    np.testing.assert_allclose(features['noise over the step'][5, 25:33], 1.0)
     np.testing.assert_allclose(
-        planes['height over its noise'][5, 25:33], -0.02 / 0.1 / 4, rtol=1e-5
+        features['height over its noise'][5, 25:33], -0.02 / 0.1 / 4, rtol=1e-5
     )
 
 
-def test_gap_at_the_border_takes_the_only_side():
+def test_gap_at_the_border_takes_the_values_of_its_only_side():
     terrain, standing = scene(gaps=(np.s_[12, :12], np.s_[13, 18:]))
-    planes = planes_of(terrain, standing)
-    np.testing.assert_allclose(planes['height over the step'][12, :20], 3)
-    np.testing.assert_allclose(planes['height over the step'][13, 10:], 3)
+    features = features_of(terrain, standing)
+    np.testing.assert_allclose(features['height over the step'][12, :20], 3)
+    np.testing.assert_allclose(features['height over the step'][13, 10:], 3)
 
 
-def test_a_window_sees_what_the_whole_sees():
-    whole = planes_of(*scene(gaps=(np.s_[12, 18:22],)))
+def test_window_has_the_features_of_the_whole_image():
+    whole = features_of(*scene(gaps=(np.s_[12, 18:22],)))
     window = np.s_[4:28, 4:36]
-    part = planes_of(*scene(gaps=(np.s_[12, 18:22],)), window=window)
+    part = features_of(*scene(gaps=(np.s_[12, 18:22],)), window=window)
     inner = np.s_[8:-8, 8:-8]
-    for name in PLANES:
+    for name in FEATURES:
         if not name.startswith(('grey level', 'parallax')):
             np.testing.assert_array_equal(part[name][inner], whole[name][window][inner])
 
 
 def test_row_without_any_measurement_is_flat_and_noisy():
     terrain, standing = scene(gaps=(np.s_[12],))
-    planes = planes_of(terrain, standing)
-    assert not planes['height over the step'][12].any()
-    assert not planes['measured'][12].any()
-    assert (planes['noise over the step'][12] == 2).all()
+    features = features_of(terrain, standing)
+    assert not features['height over the step'][12].any()
+    assert not features['measured'][12].any()
+    assert (features['noise over the step'][12] == 2).all()
 
 
-def test_terrain_stays_as_it_is():
+def test_inputs_are_not_modified():
     terrain, standing = scene(gaps=(np.s_[12, 18:24],))
     before = terrain.height_m.copy(), terrain.noise_m.copy(), terrain.pixels_per_metre.copy()
     stereo = stereo_of(0.1)
     noise_px = stereo.noise_px
     noise_px[0, 0] = 0.2
-    outline_planes(stereo, terrain, standing, CAMERA, DetectorConfig())
+    outline_features(stereo, terrain, standing, EVERYWHERE, RockParameters())
     after = terrain.height_m, terrain.noise_m, terrain.pixels_per_metre
     for one, other in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, other)
     assert np.count_nonzero(noise_px != np.float32(0.1)) == 1
 
 
-def test_grey_level_is_in_units_of_the_texture():
+def test_grey_level_is_measured_in_texture():
     generator = np.random.default_rng(0)
     texture = generator.normal(0, 1, SHAPE)
     on_part = np.zeros(SHAPE, np.float32)
@@ -214,18 +212,18 @@ def test_grey_level_is_in_units_of_the_texture():
         for spread in (4, 8)
     ]
     np.testing.assert_allclose(found[0], found[1], atol=0.12)
-    # The part itself is no part of the ground that it is compared with.
+    # The ground that a part is compared with does not include the part.
     assert found[0][on_part > 0].mean() == pytest.approx(6 / 4, rel=0.15)
     assert found[0][on_part == 0].mean() == pytest.approx(0, abs=0.05)
 
 
-def test_without_ground_around_there_is_nothing_to_compare_with():
+def test_grey_level_without_ground_around_is_zero():
     found = grey_against_ground(grey_image(), np.ones(SHAPE, np.float32), 4.0)
     assert not found.any()
 
 
 @given(flat=st.lists(st.booleans(), min_size=1, max_size=48), width=st.integers(1, 12))
-def test_neighbours_are_those_that_a_loop_finds(flat, width):
+def test_measured_neighbours_are_those_that_a_loop_finds(flat, width):
     height = -(-len(flat) // width)
     measured = np.zeros(height * width, bool)
     measured[: len(flat)] = flat

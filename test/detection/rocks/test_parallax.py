@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import waves
 
-from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
-from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE
 from rover_obstacle_detection.detection.rocks.parallax import STEP_SHARES, parallax_evidence
-from rover_obstacle_detection.detection.stereo.ground_matching import Stereo
+from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
 
 CAMERA = StereoCamera(240, 180, 150.0, 150.0, 119.5, 89.5, 0.1)
@@ -19,6 +19,7 @@ UP = Gravity.from_angles(35.0).up
 GROUND = GroundPlane(UP, 1.0, UP)
 NOISE = 2.0
 MAX_STEP_M = 0.1
+TERRAIN = TerrainParameters(max_step_m=MAX_STEP_M)
 INNER = np.s_[60:-30, 60:-20]
 RAISED = np.s_[100:130, 100:150]
 
@@ -26,6 +27,11 @@ RAISED = np.s_[100:130, 100:150]
 def expected_of(plane):
     disparity = DisparityPlane.from_ground(plane, CAMERA).disparity(CAMERA)
     return np.maximum(disparity, 0).astype(np.float32)
+
+
+def stereo_of(pair, disparity, noise_px, plane):
+    frame = Frame(pair, CAMERA)
+    return Stereo(frame, plane, expected_of(plane), disparity, noise_px, NOISE * 2**0.5, 8.0)
 
 
 def evidence_of(
@@ -37,9 +43,9 @@ def evidence_of(
     unmatched=None,
     plane=GROUND,
 ):
-    """Ground, in the middle raised by one disparity, or a height, and matched by another.
+    """Evidence for ground with a raised part, which is matched with another disparity.
 
-    The plane that heights are over need not be that of the ground.
+    The part rises by `true_rise_px` and `true_steps`; heights are measured over `plane`.
     """
     expected = expected_of(GROUND)
     rise = np.zeros_like(expected)
@@ -54,18 +60,14 @@ def evidence_of(
     if unmatched:
         disparity[unmatched] = 0
     noise_px = np.full_like(expected, 0.1)
-    config = DetectorConfig(max_step=MAX_STEP_M)
-    terrain = survey(disparity, noise_px, expected_of(plane), CAMERA, plane, config)
-    stereo = Stereo(
-        pair, plane, expected_of(plane), disparity, noise_px, RowAlignment(), NOISE * 2**0.5, 8.0
-    )
-    found = parallax_evidence(stereo, terrain, CAMERA, MAX_STEP_M, window)
+    stereo = stereo_of(pair, disparity, noise_px, plane)
+    found = parallax_evidence(stereo, survey(stereo, TERRAIN), MAX_STEP_M, window)
     assert found.dtype == np.float32
     assert np.isfinite(found).all()
     return dict(zip(('matched', *STEP_SHARES), found, strict=True))
 
 
-def test_what_stands_up_fits_better_where_it_was_matched():
+def test_rock_fits_better_where_it_was_matched():
     found = evidence_of(true_rise_px=4.0, matched_rise_px=4.0)['matched']
     assert found[RAISED][4:-4, 4:-4].mean() > 5
 
@@ -77,8 +79,8 @@ def test_ground_that_was_matched_too_high_fits_better_on_the_ground():
 
 @pytest.mark.parametrize('steps', STEP_SHARES)
 @pytest.mark.parametrize('lean_deg', [0.0, 12.0])
-def test_what_was_flattened_to_the_ground_fits_best_at_its_height(steps, lean_deg):
-    # A plane that leans lets the ground rise to the eye, which is not as high over that plane.
+def test_rock_matched_on_the_ground_fits_best_at_its_height(steps, lean_deg):
+    # Ground rises over a leaning plane, and the camera is less high over it.
     normal = Gravity.from_angles(35.0 - lean_deg).up
     found = evidence_of(true_steps=steps, plane=GroundPlane(normal, 1.3, normal))
     inside = {name: each[RAISED][6:-6, 6:-6].mean() for name, each in found.items()}
@@ -88,45 +90,41 @@ def test_what_was_flattened_to_the_ground_fits_best_at_its_height(steps, lean_de
 
 
 @pytest.mark.parametrize('share', STEP_SHARES)
-def test_level_ground_is_not_raised(share):
+def test_level_ground_does_not_fit_above_the_ground(share):
     found = evidence_of()
     assert abs(found['matched'][INNER]).max() < 1
     assert np.median(found[share][INNER]) < -1
 
 
-def test_of_a_disparity_that_is_right_heights_count_from_the_ground_below():
-    # Matched right, so that the ground it hides is that behind it.
+def test_heights_are_tried_from_the_ground_and_not_from_the_match():
     found = evidence_of(true_steps=1.0, matched_rise_px=2.6)
     assert found[1.0][RAISED][6:-6, 6:-6].mean() > 2
     assert found[1.0][RAISED][6:-6, 6:-6].mean() > found[2.0][RAISED][6:-6, 6:-6].mean()
 
 
-def test_what_stands_as_high_as_the_eye_hides_no_ground():
-    # So near before the eye that it comes up to it.
+def test_nothing_is_known_of_what_is_as_high_as_the_camera():
     found = evidence_of(matched_rise_px=400.0)
     for each in found.values():
         assert np.isfinite(each).all()
         assert not each[RAISED][4:-4, 4:-4].any()
 
 
-@pytest.mark.parametrize('eye_m', [0.0, 1e-6, -1.0])
-def test_ground_in_line_with_the_eye_or_above_it_tells_nothing(eye_m):
+@pytest.mark.parametrize('camera_m', [0.0, 1e-6, -1.0])
+def test_nothing_is_known_of_ground_as_high_as_the_camera(camera_m):
     expected = expected_of(GROUND)
     noise_px = np.full_like(expected, 0.1)
-    terrain = survey(expected, noise_px, expected, CAMERA, GROUND, DetectorConfig())
-    terrain.eye_m[INNER] = eye_m
-    terrain.height_m[INNER] = -0.5
     image = waves.as_image(waves.texture(*np.meshgrid(np.arange(240), np.arange(180))), NOISE, 1)
-    stereo = Stereo(
-        (image, image), GROUND, expected, expected, noise_px, RowAlignment(), NOISE, 8.0
-    )
-    found = parallax_evidence(stereo, terrain, CAMERA, MAX_STEP_M, EVERYWHERE)
+    stereo = stereo_of((image, image), expected, noise_px, GROUND)
+    terrain = survey(stereo, TERRAIN)
+    terrain.camera_m[INNER] = camera_m
+    terrain.height_m[INNER] = -0.5
+    found = parallax_evidence(stereo, terrain, MAX_STEP_M, EVERYWHERE)
     assert np.isfinite(found).all()
     assert not found[:, 61:-31, 61:-21].any()
     assert found[1:, 40:50, 60:-20].any()
 
 
-def test_where_the_right_image_ends_nothing_is_told():
+def test_nothing_is_known_beyond_the_border_of_the_right_image():
     found = evidence_of()
     ground_px = expected_of(GROUND)
     for share in STEP_SHARES:
@@ -137,23 +135,23 @@ def test_where_the_right_image_ends_nothing_is_told():
         assert found[share][100:, 60:].all()
 
 
-def test_without_texture_nothing_is_told():
+def test_nothing_is_known_without_texture():
     for each in evidence_of(true_rise_px=4.0, matched_rise_px=4.0, contrast=0.0).values():
         assert abs(each[RAISED].mean()) < 0.3
 
 
-def test_window_is_a_part_of_the_whole():
+def test_window_has_the_evidence_of_the_whole_image():
     window = np.s_[80:160, 70:200]
     whole = evidence_of(4.0, 4.0)
     part = evidence_of(4.0, 4.0, window)
     inner = np.s_[24:-24, 24:-24]
     for name, each in part.items():
         assert each.shape == (80, 130)
-        # The brightness around is of the window; the gain of much over little hangs on it.
+        # Mean brightness is taken within the window, so that it differs a little.
         np.testing.assert_allclose(each[inner], whole[name][window][inner], rtol=0.1, atol=0.5)
 
 
-def test_without_3d_there_is_nothing_to_compare():
+def test_nothing_is_known_without_3d():
     gap = np.s_[60:75, 60:90]
     for each in evidence_of(unmatched=gap).values():
         assert not each[gap][1:-1, 1:-1].any()

@@ -1,181 +1,110 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from relief import PosedCamera, block, flat
 
-from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.rocks.rocks import (
-    BLOCK,
-    MARGIN_BLOCKS,
-    denied_parts,
-    too_high,
-    upright_parts,
-    windows_around,
-)
-from rover_obstacle_detection.detection.terrain.hazards import Standing
-from rover_obstacle_detection.detection.terrain.survey import Terrain
+from rover_obstacle_detection.detection.rocks.parameters import RockParameters
+from rover_obstacle_detection.detection.rocks.rocks import outlined_rocks
+from rover_obstacle_detection.detection.rocks.standing import standing_parts
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.survey import survey
 
-SHAPE = (60, 80)
-ROCK = np.s_[20:36, 30:50]
-CONFIG = DetectorConfig(max_step=0.1)
+POSED = PosedCamera(pitch_deg=40.0, height_m=1.2)
+ROCK = block(0.0, 1.4, 0.3, 0.25)
+PARAMETERS = RockParameters(max_step_m=0.1)
 
 
-def terrain_of(height_m=0.0, noise_m=0.005, step_px=30.0, measured=True):
-    height = np.zeros(SHAPE, np.float32)
-    height[ROCK] = height_m
-    height[ROCK] = np.where(measured, height[ROCK], np.nan)
-    return Terrain(
-        height,
-        np.full(SHAPE, noise_m, np.float32),
-        np.ones(SHAPE, np.float32),
-        np.full(SHAPE, step_px / CONFIG.max_step, np.float32),
-        (),
-    )
+class Drawing:
+    """A network that gives every pixel the same probability, and records its windows."""
+
+    def __init__(self, probability):
+        self.probability = probability
+        self.windows = []
+
+    def __call__(self, stereo, terrain, standing, window, parameters):
+        self.windows.append(window)
+        drawn = standing.parts[window] > 0
+        if not drawn.any():
+            drawn = ~terrain.measured[window]
+        return np.where(drawn, self.probability, 0).astype(np.float32)
 
 
-def kept(terrain, probability=0.6, drawn=ROCK, unmeasured=False):
-    """What is kept of a drawing, all or nothing: 'high', 'by sight' or ''."""
-    mask = np.zeros(SHAPE, bool)
-    mask[drawn] = True
-    high, by_sight = too_high(
-        mask,
-        np.full(SHAPE, probability, np.float32),
-        terrain,
-        ~terrain.measured & unmeasured,
-        CONFIG,
-    )
-    for rocks in (high, by_sight):
-        assert rocks.dtype == np.bool_
-        assert rocks.sum() in (0, mask.sum())
-    assert not (high & by_sight).any()
-    return 'high' if high.any() else 'by sight' if by_sight.any() else ''
+def find(height, draw, *, unmatched=None, rover_mask=None, parameters=PARAMETERS):
+    disparity, _, _ = POSED.look(height)
+    if unmatched:
+        disparity[unmatched] = 0
+    stereo = POSED.stereo(disparity)
+    stereo = replace(stereo, frame=replace(stereo.frame, rover_mask=rover_mask))
+    terrain = survey(stereo, TerrainParameters(max_step_m=parameters.max_step_m))
+    standing = standing_parts(terrain, parameters)
+    return outlined_rocks(stereo, terrain, standing, parameters, draw), standing.parts > 0
 
 
-@pytest.mark.parametrize(('height', 'expected'), [(0.05, ''), (0.095, ''), (0.11, 'high')])
-def test_near_it_takes_the_whole_step(height, expected):
-    assert kept(terrain_of(height), 0.99) == expected
+def test_outlined_rock_is_too_high():
+    draw = Drawing(0.9)
+    found, stands = find(ROCK, draw)
+    assert stands.sum() > 100
+    np.testing.assert_array_equal(found.high, stands)
+    assert not found.by_sight.any()
+    assert (found.probability[stands] == np.float32(0.9)).all()
 
 
-@pytest.mark.parametrize(('height', 'expected'), [(0.06, ''), (0.08, 'high')])
-def test_far_blocks_flatten_and_less_is_asked(height, expected):
-    assert kept(terrain_of(height, step_px=12.0)) == expected
+def test_rock_that_is_not_outlined_is_no_obstacle():
+    found, stands = find(ROCK, Drawing(0.4))
+    assert stands.any()
+    assert not found.high.any()
+    lower = replace(PARAMETERS, outline_probability=0.3)
+    found, _ = find(ROCK, Drawing(0.4), parameters=lower)
+    assert found.high.any()
 
 
-def test_height_must_be_over_the_noise():
-    assert kept(terrain_of(0.15, noise_m=0.15))
-    assert not kept(terrain_of(0.15, noise_m=0.3))
+def test_network_sees_only_the_surroundings_of_what_stands_up():
+    draw = Drawing(0.9)
+    found, stands = find(ROCK, draw)
+    seen = np.zeros(stands.shape, bool)
+    for window in draw.windows:
+        seen[window] = True
+    assert seen[stands].all()
+    assert seen.mean() < 0.5
+    np.testing.assert_array_equal(np.isfinite(found.probability), seen)
 
 
-@pytest.mark.parametrize(
-    ('step_px', 'probability', 'measured', 'expected'),
-    [
-        (5.0, 0.9, True, 'high'),
-        (5.0, 0.6, True, ''),
-        (15.0, 0.9, True, ''),
-        (5.0, 0.9, False, ''),
-    ],
-    ids=['sure and far', 'unsure', 'near', 'no 3D'],
-)
-def test_far_away_what_surely_looks_like_a_rock_is_one(step_px, probability, measured, expected):
-    terrain = terrain_of(0.03, noise_m=0.1, step_px=step_px, measured=measured)
-    assert kept(terrain, probability) == expected
+def test_network_sees_nothing_of_flat_ground():
+    draw = Drawing(0.9)
+    found, _ = find(flat, draw)
+    assert draw.windows == []
+    assert np.isnan(found.probability).all()
+    assert not found.high.any()
 
 
-def test_far_away_stereo_may_rule_out_what_looks_like_a_rock():
-    assert kept(terrain_of(0.01, noise_m=0.03, step_px=5.0), 0.9) == 'high'
-    assert kept(terrain_of(0.01, noise_m=0.015, step_px=5.0), 0.9) == ''
+def test_ground_without_3d_is_judged_by_sight():
+    gap = np.s_[60:110, 80:130]
+    found, _ = find(flat, Drawing(0.9), unmatched=gap)
+    assert found.by_sight[gap].all()
+    assert not found.high.any()
 
 
-def test_far_away_it_has_to_look_as_large_as_the_step():
-    terrain = terrain_of(0.03, noise_m=0.1, step_px=8.0)
-    assert kept(terrain, 0.9)
-    assert not kept(terrain, 0.9, drawn=np.s_[22:28, 30:50])
+def test_rover_is_not_judged_by_sight():
+    gap = np.s_[60:110, 80:130]
+    rover_mask = np.zeros(POSED.camera.shape, bool)
+    rover_mask[gap] = True
+    draw = Drawing(0.9)
+    found, _ = find(flat, draw, unmatched=gap, rover_mask=rover_mask)
+    assert draw.windows == []
+    assert not found.by_sight.any()
 
 
-@pytest.mark.parametrize(
-    ('step_px', 'probability', 'in_range', 'expected'),
-    [
-        (12.0, 0.9, True, 'by sight'),
-        (12.0, 0.6, True, ''),
-        (20.0, 0.9, True, ''),
-        (12.0, 0.9, False, ''),
-    ],
-    ids=['sure and large', 'unsure', 'small', 'out of range'],
-)
-def test_without_3d_looks_and_size_decide(step_px, probability, in_range, expected):
-    terrain = terrain_of(0.0, step_px=step_px, measured=False)
-    assert kept(terrain, probability, unmeasured=in_range) == expected
+def test_small_gaps_are_not_shown_to_the_network():
+    draw = Drawing(0.9)
+    find(flat, draw, unmatched=np.s_[60:68, 80:130])
+    assert draw.windows == []
 
 
-def test_what_looks_high_where_there_is_no_3d_is_ruled_out_by_flat_ground_in_its_midst():
-    terrain = terrain_of(0.0, noise_m=0.005, step_px=12.0)
-    terrain.height_m[20:30, 30:50] = np.nan
-    assert kept(terrain, 0.9, unmeasured=True) == ''
-    terrain.height_m[30:36, 30:50] = 0.3
-    assert kept(terrain, 0.9, unmeasured=True) != ''
-
-
-def test_a_core_does_not_make_an_obstacle_of_what_lies_flat():
-    terrain = terrain_of(0.0)
-    terrain.height_m[20:23, 30:50] = 0.3
-    assert not kept(terrain)
-    terrain.height_m[20:27, 30:50] = 0.3
-    assert kept(terrain)
-
-
-def legged(height_m, noise_m=0.005):
-    terrain = terrain_of(0.0, noise_m)
-    terrain.height_m[10:50, 40:46] = height_m
-    parts = (terrain.height_m > 0.02).astype(np.int32)
-    standing = Standing(parts, np.array([0, height_m], np.float32))
-    return denied_parts(np.zeros(SHAPE, bool), terrain, standing, CONFIG)
-
-
-def test_what_stands_far_over_step_and_noise_may_not_be_denied():
-    assert legged(0.3)[12:48, 41:45].all()
-    assert not legged(0.12).any()
-    assert not legged(0.3, noise_m=0.05).any()
-
-
-def test_only_what_is_clearly_higher_than_wide_is_upright():
-    mask = np.zeros(SHAPE, bool)
-    mask[5:25, 5:15] = True
-    mask[5:15, 30:60] = True
-    found = upright_parts(mask)
-    assert found[5:25, 5:15].all()
-    assert not found[:, 30:].any()
-
-
-@given(
-    st.tuples(st.integers(1, 150), st.integers(1, 150)),
-    st.lists(st.tuples(st.integers(0, 149), st.integers(0, 149)), min_size=1, max_size=6),
-)
-def test_windows_hold_every_pixel_with_its_margin(shape, places):
-    where = np.zeros(shape, bool)
-    for row, column in places:
-        where[row % shape[0], column % shape[1]] = True
-    windows = windows_around(where)
-    margin = BLOCK * (MARGIN_BLOCKS - 1) + 1
-    for row, column in np.argwhere(where):
-        assert any(
-            rows.start <= max(row - margin, 0)
-            and rows.stop >= min(row + margin, shape[0])
-            and columns.start <= max(column - margin, 0)
-            and columns.stop >= min(column + margin, shape[1])
-            for rows, columns in windows
-        )
-    for window in windows:
-        assert where[window].any()
-        assert window[0].start % BLOCK == window[1].start % BLOCK == 0
-
-
-def test_what_lies_apart_has_windows_of_its_own_and_what_fills_the_image_one():
-    where = np.zeros((400, 400), bool)
-    where[10, 10] = where[390, 390] = True
-    windows = windows_around(where)
-    assert len(windows) == 2
-    assert sum(where[window].size for window in windows) < 0.1 * where.size
-    where[::30, ::30] = True
-    assert windows_around(where) == [(slice(0, 400), slice(0, 400))]
+def test_network_is_overruled_where_something_high_is_upright():
+    found, stands = find(block(0.0, 1.4, 0.06, 0.5), Drawing(0.1))
+    overruled = found.probability == 1
+    assert overruled.sum() > 40
+    assert found.high[overruled].all()
+    assert not found.high[~stands].any()

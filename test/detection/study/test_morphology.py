@@ -19,7 +19,7 @@ def test_small_holes_are_filled():
     assert (close_then_open(holed, 7, 2)[25:40, 25:55] == 255).all()
 
 
-def test_specks_are_dropped():
+def test_specks_are_removed():
     specked = block()
     specked[5:8, 5:8] = 255
     np.testing.assert_array_equal(close_then_open(specked, 7, 2), close_then_open(block(), 7, 2))
@@ -32,7 +32,7 @@ def test_gaps_wider_than_the_kernel_stay_open():
     assert not close_then_open(parted, 3, 1)[:, 34:50].any()
 
 
-def test_only_free_and_obstacle_come_out():
+def test_result_has_only_the_values_of_the_mask():
     mask = np.where(np.random.default_rng(0).random((40, 50)) < 0.4, 255, 0).astype(np.uint8)
     result = close_then_open(mask, 5, 1)
     assert result.dtype == np.uint8
@@ -41,13 +41,13 @@ def test_only_free_and_obstacle_come_out():
 
 
 @pytest.mark.parametrize('size', [1, 7])
-def test_without_iterations_nothing_changes(size):
+def test_no_iterations_leave_the_mask_unchanged(size):
     mask = block()
     mask[0, 0] = 255
     np.testing.assert_array_equal(close_then_open(mask, size, 0), mask)
 
 
 @pytest.mark.parametrize('value', [0, 255])
-def test_uniform_masks_stay(value):
+def test_uniform_masks_stay_unchanged(value):
     mask = np.full((9, 9), value, np.uint8)
     np.testing.assert_array_equal(close_then_open(mask, 7, 2), mask)

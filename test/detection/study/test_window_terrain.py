@@ -22,7 +22,7 @@ def camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5, baseline=0.5
 
 
 def plane_disparity(each, normal, distance_m):
-    """Disparity of the plane ``normal . P = -distance`` along each pixel's ray; 0 behind."""
+    """Disparity of the plane ``normal . P = -distance``; 0 where its ray misses it."""
     x, y = each.rays()
     inverse_depth = -(normal[0] * x.astype(float) + normal[1] * y + normal[2]) / distance_m
     return np.maximum(each.fx * each.baseline_m * inverse_depth, 0).astype(np.float32)
@@ -45,26 +45,28 @@ def level_ground(each, pitch_deg, height_m):
     baseline=st.floats(0.05, 1),
     size=st.sampled_from([3, 5, 9]),
 )
-def test_a_plane_is_smooth_at_any_tilt(pitch, roll, distance, fx, fy, cx, cy, baseline, size):
+def test_a_plane_has_no_roughness_at_any_tilt(
+    pitch, roll, distance, fx, fy, cx, cy, baseline, size
+):
     each = camera(fx=fx, fy=fy, cx=cx, cy=cy, baseline=baseline)
-    # A wall straight ahead, turned by two angles.
+    # A wall straight ahead, rotated by two angles.
     a, b = math.radians(pitch), math.radians(roll)
     normal = (math.sin(b) * math.cos(a), math.sin(a), -math.cos(b) * math.cos(a))
     disparity = plane_disparity(each, normal, distance)
     roughness = window_roughness(disparity, each, size)
     known = np.isfinite(roughness)
     depth = each.depth_m(1.0) / np.maximum(disparity, 1e-6)
-    # What float32 leaves of a disparity moves its point by that share of its distance.
+    # Rounding a disparity to float32 moves its point by the same share of its distance.
     assert (roughness[known] <= 1e-6 * np.maximum(depth[known], distance)).all()
     all_valid = disparity.min() > 0
     assert not all_valid or known.all()
 
 
-def test_roughness_is_measured_across_the_plane():
+def test_roughness_is_measured_perpendicular_to_the_plane():
     each = camera()
     disparity = plane_disparity(each, (0.0, -0.8, -0.6), 2.0)
     expected = 0.01
-    # Every second point of a chequerboard is moved along its ray, off the plane by a centimetre.
+    # The points of a chequerboard are moved along their rays, a centimetre to either side.
     rows, columns = np.mgrid[:30, :40]
     sign = np.where((rows + columns) % 2, 1, -1)
     moved = (disparity * (1 + sign * expected / 2.0)).astype(np.float32)
@@ -94,7 +96,7 @@ def brute_force_roughness(disparity, each, size, row, column):
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), share=st.floats(0, 1), size=st.sampled_from([3, 5]))
-def test_roughness_is_that_of_a_least_squares_plane(seed, share, size):
+def test_roughness_is_relative_to_a_least_squares_plane(seed, share, size):
     generator = np.random.default_rng(seed)
     each = camera(width=8, height=6, cx=3.5, cy=2.5, fx=10.0, fy=12.0)
     disparity = generator.uniform(5, 6, (6, 8)).astype(np.float32)
@@ -108,7 +110,7 @@ def test_roughness_is_that_of_a_least_squares_plane(seed, share, size):
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5)
 
 
-def test_roughness_needs_three_points_off_a_line():
+def test_roughness_needs_three_points_that_are_not_collinear():
     each = camera(width=9, height=9, cx=4, cy=4)
     disparity = np.zeros((9, 9), np.float32)
     disparity[4, 3:6] = 5
@@ -131,7 +133,7 @@ def test_level_ground_has_no_step_at_any_pitch(pitch):
 
 
 @pytest.mark.parametrize('pitch', [10.0, 46.0, 80.0])
-def test_a_step_of_a_decimetre_measures_a_decimetre(pitch):
+def test_step_is_measured_along_gravity(pitch):
     each = camera()
     low, up = level_ground(each, pitch, 1.0)
     high, _ = level_ground(each, pitch, 0.9)
@@ -144,7 +146,7 @@ def test_a_step_of_a_decimetre_measures_a_decimetre(pitch):
     np.testing.assert_allclose(step[14:, 22:], 0, atol=5e-5)
 
 
-def test_step_is_the_range_within_the_window():
+def test_step_is_the_elevation_range_in_the_window():
     elevation = np.zeros((9, 9), np.float32)
     elevation[4, 4] = 0.3
     elevation[4, 6] = -0.2
@@ -157,7 +159,7 @@ def test_step_is_the_range_within_the_window():
     assert step[1, 4] == 0
 
 
-def test_step_ignores_missing_points_and_needs_three():
+def test_step_ignores_missing_points_and_needs_three_others():
     elevation = np.full((7, 7), np.nan, np.float32)
     elevation[3, 2:4] = (0.0, 0.4)
     assert np.isnan(window_step(elevation, 3)).all()

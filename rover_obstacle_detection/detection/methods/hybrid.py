@@ -1,0 +1,275 @@
+"""The hybrid method: hazards of the terrain by 3D, outlines of rocks by 3D and image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground
+from rover_obstacle_detection.detection.images.image_noise import smoothed_against_noise
+from rover_obstacle_detection.detection.images.texture import texture_level
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
+from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.rectification.correction import Correction
+from rover_obstacle_detection.detection.rectification.rectify import Rectified
+from rover_obstacle_detection.detection.regions.completion import slope_beyond_border
+from rover_obstacle_detection.detection.regions.regions import Nearest, nearest_known
+from rover_obstacle_detection.detection.regions.segmentation import reduced_regions
+from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
+from rover_obstacle_detection.detection.result.left_image import in_left_image
+from rover_obstacle_detection.detection.result.specks import combined_cues
+from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
+from rover_obstacle_detection.detection.rocks.standing import standing_parts
+from rover_obstacle_detection.detection.stereo.coarse import CoarseMatcher, reduced_pair
+from rover_obstacle_detection.detection.stereo.matching import (
+    Stereo,
+    image_penalties,
+    match_against_ground,
+    reduced_mask,
+)
+from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
+from rover_obstacle_detection.detection.study.products import StudyProducts
+from rover_obstacle_detection.detection.terrain.hazards import known_heights, rough_ground
+from rover_obstacle_detection.detection.terrain.terrain import Terrain
+
+Finished = Callable[[str], None]
+Mask = NDArray[np.bool_]
+
+
+class Measurement(NamedTuple):
+    """What a stereo pair shows of the terrain.
+
+    Parameters
+    ----------
+    frame : Frame
+        The given frame, smoothed if its images are noisy.
+    correction : Correction
+        Of the rectification.
+    stereo : Stereo
+        In the straightened left image.
+    terrain : Terrain
+        Likewise.
+    """
+
+    frame: Frame
+    correction: Correction
+    stereo: Stereo
+    terrain: Terrain
+
+
+def detect_hybrid(
+    frame: Frame,
+    parameters: DetectorParameters,
+    finished: Finished,
+    stages: HybridStages = HYBRID_STAGES,
+) -> Detection:
+    """Run the hybrid method on one frame.
+
+    Parameters
+    ----------
+    frame : Frame
+    parameters : DetectorParameters
+    finished : callable
+        Called with the name of each stage when it ends.
+    stages : HybridStages
+    """
+    p = parameters
+    frame, correction, stereo, terrain = measure(frame, p, finished, stages)
+    steep = stages.slope(terrain, stereo.ground, p.terrain)
+    dropped = stages.drop(terrain, stereo.ground, p.terrain)
+    finished('slope, drop')
+    if not p.terrain.max_roughness_m:
+        # The maps take as much memory as everything that follows.
+        terrain = replace(terrain, layers=())
+    standing = standing_parts(terrain, p.rocks)
+    finished('height')
+    rocks = outlined_rocks(stereo, terrain, standing, p.rocks, stages.outlines)
+    finished('outlines')
+    rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
+    finished('roughness')
+    study = study_products(stereo, p)
+    nearest = nearest_known(terrain.measured, p.regions.reach_m * terrain.pixels_per_metre)
+    steep |= slope_beyond_border(steep, nearest, stereo.disparity, frame.camera, p.regions)
+    near_rock, dark = without_3d(stereo, rocks, nearest, study, p, stages)
+    finished('regions')
+    found = {
+        Cue.HEIGHT: rocks.high,
+        Cue.SLOPE: steep,
+        Cue.DROP: dropped,
+        Cue.ROUGHNESS_STEP: rough,
+        Cue.REGION: near_rock,
+        Cue.GREY_LEVEL: dark | rocks.by_sight,
+    }
+    detection = decided(found, stereo, terrain, rocks, study, p)
+    detection = stages.doubt(replace(detection, correction=correction))
+    detection = in_left_image(detection, frame)
+    finished('mask')
+    return detection
+
+
+def measure(
+    frame: Frame,
+    parameters: DetectorParameters,
+    finished: Finished = lambda stage: None,
+    stages: HybridStages = HYBRID_STAGES,
+) -> Measurement:
+    """Run the first half of the hybrid method: from the images to heights above the ground.
+
+    Parameters
+    ----------
+    frame : Frame
+    parameters : DetectorParameters
+    finished : callable
+        Called with the name of each stage when it ends.
+    stages : HybridStages
+    """
+    p = parameters
+    noise_share = stages.noise_share(frame.pair[0], p.images)
+    frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
+    finished('noise')
+    coarse = match_coarsely(frame, p, stages)
+    straight = coarse.correction.straightened(frame)
+    finished('coarse disparity')
+    ground = coarse_ground(coarse, straight, p)
+    finished('ground plane')
+    stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
+    terrain = stages.survey(stereo, p.terrain)
+    finished('local ground')
+    if frame.gravity is None:
+        up = stages.vertical(terrain.layers, ground, p.terrain)
+        stereo = replace(stereo, ground=replace(ground, up=up))
+    finished('vertical')
+    return Measurement(frame, coarse.correction, stereo, terrain)
+
+
+def match_coarsely(
+    frame: Frame, parameters: DetectorParameters, stages: HybridStages
+) -> Rectified:
+    """Match at a fraction of the resolution, and measure the rectification on the way."""
+    reduced = reduced_pair(frame.pair, frame.camera, parameters.stereo)
+    matcher = CoarseMatcher(frame.camera, reduced.camera, parameters.stereo)
+    return stages.rectify(reduced, matcher, parameters.rectification)
+
+
+def coarse_ground(coarse: Rectified, frame: Frame, parameters: DetectorParameters) -> GroundPlane:
+    """Estimate the ground plane from the coarse disparity, without the rover."""
+    if frame.rover_mask is not None:
+        coarse.disparity[reduced_mask(frame.rover_mask, coarse.disparity.shape)] = 0
+    return estimate_ground(coarse.disparity, coarse.camera, parameters.plane_fit, frame.gravity)
+
+
+def match(
+    frame: Frame,
+    coarse: Rectified,
+    ground: GroundPlane,
+    noise_share: float,
+    parameters: DetectorParameters,
+    stages: HybridStages,
+    finished: Finished,
+) -> Stereo:
+    """Match the straightened images relative to the ground, to a fraction of a pixel."""
+    p, rows, left = parameters, coarse.correction.rows, frame.pair[0]
+    plane = DisparityPlane.from_ground(ground, coarse.camera)
+    search = residual_range(coarse.disparity, coarse.camera, coarse.reduction, plane, p.stereo)
+    penalties = image_penalties(left, noise_share, p.stereo, p.images)
+    expected, disparity = match_against_ground(
+        frame, ground, search, penalties, coarse.correction, p.stereo
+    )
+    finished('disparity')
+    refined = stages.refine(frame.pair, disparity, frame.camera, rows, p.stereo)
+    finished('subpixel')
+    return Stereo(
+        frame,
+        ground,
+        expected,
+        refined.disparity,
+        refined.noise_px,
+        refined.grey_noise,
+        texture_level(left, p.images),
+        rows,
+    )
+
+
+def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProducts:
+    """Prepare the study's intermediate results, which are computed on first access."""
+    return StudyProducts(
+        stereo.frame.pair[0],
+        stereo.disparity,
+        stereo.frame.camera,
+        stereo.ground.up_vector,
+        partial(reduced_regions, parameters=parameters.regions, images=parameters.images),
+        parameters.study,
+        parameters.regions.min_seed_points,
+    )
+
+
+def without_3d(
+    stereo: Stereo,
+    rocks: Rocks,
+    nearest: Nearest,
+    study: StudyProducts,
+    parameters: DetectorParameters,
+    stages: HybridStages,
+) -> tuple[Mask, Mask]:
+    """Find the unmatched pixels that belong to a rock's region, and those in dark regions."""
+    unmatched = stereo.disparity == 0
+    if not unmatched.any():
+        return unmatched, unmatched.copy()
+    near_rock = stages.regions(
+        rocks.high,
+        rocks.probability,
+        unmatched,
+        nearest,
+        study.regions,
+        study.is_seed,
+        parameters.regions,
+    )
+    dark = stages.grey_level(
+        stereo.frame.pair[0],
+        stereo.expected,
+        unmatched,
+        study.regions,
+        study.is_seed,
+        stereo.frame.camera,
+        parameters.regions,
+    )
+    return near_rock, dark
+
+
+def decided(
+    found: dict[Cue, Mask],
+    stereo: Stereo,
+    terrain: Terrain,
+    rocks: Rocks,
+    study: StudyProducts,
+    parameters: DetectorParameters,
+) -> Detection:
+    """Combine the cues into the detection."""
+    rover_mask = stereo.frame.rover_mask
+    cues, mask = combined_cues(found, rover_mask, parameters.result.min_obstacle_px)
+    # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
+    known = known_heights(terrain, parameters.terrain) | (mask == OBSTACLE)
+    if rover_mask is not None:
+        known &= ~rover_mask
+    return Detection(
+        camera=stereo.frame.camera,
+        parameters=parameters,
+        ground=stereo.ground,
+        grey=stereo.frame.pair[0],
+        disparity=stereo.disparity,
+        height=terrain.height_m,
+        height_noise=terrain.noise_m,
+        rock_probability=rocks.probability,
+        cues=cues,
+        known=known,
+        mask=mask,
+        study=study,
+    )

@@ -1,0 +1,66 @@
+"""The stages of the hybrid method that can be replaced from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.images.image_noise import noise_share
+from rover_obstacle_detection.detection.images.parameters import ImageParameters
+from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
+from rover_obstacle_detection.detection.rectification.rectify import (
+    CoarseMatch,
+    Rectified,
+    rectify,
+)
+from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
+from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
+from rover_obstacle_detection.detection.regions.completion import dark_without_3d, rocks_in_regions
+from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.result.specks import without_doubtful
+from rover_obstacle_detection.detection.rocks.rocks import Draw, network_outlines
+from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
+from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
+from rover_obstacle_detection.detection.terrain.hazards import dropping_ground, steep_ground
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.survey import survey
+from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
+from rover_obstacle_detection.detection.terrain.vertical import estimate_vertical
+
+Mask = NDArray[np.bool_]
+Image = NDArray[np.float32]
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class HybridStages:
+    """The stages of the hybrid method, in the order in which they run.
+
+    An ablation replaces one of them: see ``evaluation/methods/ablation.py``.
+    """
+
+    noise_share: Callable[[NDArray[np.uint8], ImageParameters], float] = noise_share
+    rectify: Callable[[ReducedPair, CoarseMatch, RectificationParameters], Rectified] = rectify
+    refine: Callable[
+        [GreyPair, Image, StereoCamera, RowAlignment, StereoParameters], RefinedDisparity
+    ] = refine_disparity
+    survey: Callable[[Stereo, TerrainParameters], Terrain] = survey
+    vertical: Callable[[Sequence[Layer], GroundPlane, TerrainParameters], Vector] = (
+        estimate_vertical
+    )
+    slope: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = steep_ground
+    drop: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = dropping_ground
+    outlines: Draw = network_outlines
+    regions: Callable[..., Mask] = rocks_in_regions
+    grey_level: Callable[..., Mask] = dark_without_3d
+    doubt: Callable[[Detection], Detection] = without_doubtful
+
+
+HYBRID_STAGES = HybridStages()

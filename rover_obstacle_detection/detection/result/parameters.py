@@ -1,0 +1,59 @@
+"""Parameters of the result: confidence and the measures of obstacles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ResultParameters:
+    """How obstacles are measured, and how the confidence in them is found.
+
+    Parameters
+    ----------
+    method : str
+        Detection method, which the confidence was fitted for. Set by the user.
+    max_step_m : float
+        The rover's step. Set by the user.
+    block_size_px : int
+        Side of the matching block, within which pixels share their noise. Set by the user.
+    min_confidence : float
+        Specks of steep or low ground with less confidence are removed. Set by the user.
+    speck_share : float
+        Share of the image below which an area of steep or low ground is a speck. Tuned on the
+        tuning scenes.
+    min_obstacle_px : int
+        Pixels below which an obstacle is a speck. Tuned on the tuning scenes.
+    tail_share : float
+        Share of an obstacle's points at either end that its box leaves out. Derived: one false
+        match would make a box as deep as the scene.
+    typical_noise_px : float
+        Disparity noise of clean pairs, for which height noise is modelled. Measured on the tuning
+        scenes.
+    noise_spacing_px : int
+        Distance between the three pixels whose disparities measure that noise. Derived: neighbours
+        share theirs.
+    max_difference_px : float
+        Limit of the differences between them: larger ones are rims of objects.
+    faint_contrast : float
+        Edge strength at which an outline is hardly visible, grey levels per pixel.
+    min_noise_share : float
+        Height noise over the step below which less noise hardly adds confidence.
+    max_rock_probability : float
+        Limit of the network's probability, so that its log odds stay finite. The last three were
+        tuned on the tuning scenes.
+    """
+
+    method: str = 'hybrid'
+    max_step_m: float = 0.10
+    block_size_px: int = 3
+    min_confidence: float = 0.9
+    speck_share: float = 0.0025
+    min_obstacle_px: int = 12
+    tail_share: float = 0.02
+    typical_noise_px: float = 0.1
+    noise_spacing_px: int = 2
+    max_difference_px: float = 4.0
+    faint_contrast: float = 0.2
+    min_noise_share: float = 0.05
+    max_rock_probability: float = 0.99

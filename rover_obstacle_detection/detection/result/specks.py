@@ -1,0 +1,61 @@
+"""Specks: what is too small, or too doubtful, to be an obstacle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.images.components import small_parts
+from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection
+
+
+def combined_cues(
+    found: Mapping[Cue, NDArray[np.bool_]],
+    rover_mask: NDArray[np.bool_] | None,
+    min_pixels: int,
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Combine what each cue found. Specks and the rover itself are no obstacles.
+
+    Returns
+    -------
+    cues : ndarray of uint8, shape (height, width)
+        Sum of the cues of each obstacle pixel.
+    mask : ndarray of uint8, shape (height, width)
+        `FREE` or `OBSTACLE`.
+    """
+    cues = np.zeros(next(iter(found.values())).shape, np.uint8)
+    for cue, where in found.items():
+        cues += np.uint8(cue) * where
+    obstacle = cues > 0
+    obstacle &= ~small_parts(obstacle, min_pixels)
+    if rover_mask is not None:
+        obstacle &= ~rover_mask
+    cues[~obstacle] = 0
+    return cues, np.where(obstacle, OBSTACLE, FREE).astype(np.uint8)
+
+
+def without_doubtful(detection: Detection) -> Detection:
+    """Remove specks of steep or low ground with little confidence.
+
+    Noise makes distant ground steep here and there. Removed pixels become unknown, not free.
+    Rocks and large slopes are never removed.
+    """
+    parameters = detection.parameters.result
+    by_ground = np.uint8(Cue.SLOPE | Cue.DROP)
+    doubtful = (detection.cues > 0) & (detection.cues & ~by_ground == 0)
+    doubtful &= small_parts(doubtful, round(parameters.speck_share * doubtful.size))
+    if not doubtful.any():
+        return detection
+    doubtful &= detection.confidence < parameters.min_confidence
+    if not doubtful.any():
+        return detection
+    return replace(
+        detection,
+        cues=np.where(doubtful, 0, detection.cues).astype(np.uint8),
+        mask=np.where(doubtful, FREE, detection.mask).astype(np.uint8),
+        known=detection.known & ~doubtful,
+    )

@@ -1,0 +1,135 @@
+"""From a straightened pair and its ground plane to disparity with noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.images.image_noise import gradient_level
+from rover_obstacle_detection.detection.images.parameters import ImageParameters
+from rover_obstacle_detection.detection.images.texture import untextured
+from rover_obstacle_detection.detection.rectification.correction import Correction
+from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
+from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
+from rover_obstacle_detection.detection.stereo.semi_global import Penalties, chosen_penalties
+from rover_obstacle_detection.detection.stereo.warped_matching import warped_disparity
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Stereo:
+    """What matching found in one frame.
+
+    Parameters
+    ----------
+    frame : Frame
+        The images that were matched.
+    ground : GroundPlane
+    expected : ndarray of float32, shape (height, width)
+        Disparity of the ground plane, pixels; below 0 above the horizon.
+    disparity : ndarray of float32, shape (height, width)
+        Pixels, without the camera's offset; 0 where there is no match.
+    noise_px : ndarray of float32, shape (height, width)
+        Standard deviation of the disparity.
+    grey_noise : float
+        Standard deviation of the grey-level difference between matched pixels of both images.
+    texture : float
+        Spread of the left image's grey level within a few pixels.
+    rows : RowAlignment
+        Rows by which the right image is off.
+    """
+
+    frame: Frame
+    ground: GroundPlane
+    expected: Image
+    disparity: Image
+    noise_px: Image
+    grey_noise: float
+    texture: float
+    rows: RowAlignment = STRAIGHT
+
+
+def match_against_ground(
+    frame: Frame,
+    ground: GroundPlane,
+    search: tuple[int, int],
+    penalties: Penalties,
+    correction: Correction,
+    parameters: StereoParameters,
+) -> tuple[Image, Image]:
+    """Match relative to the ground plane.
+
+    Parameters
+    ----------
+    frame : Frame
+        Straightened by the correction.
+    ground : GroundPlane
+    search : tuple of int
+        First residual and their number, pixels.
+    penalties : Penalties
+    correction : Correction
+    parameters : StereoParameters
+
+    Returns
+    -------
+    expected : ndarray of float32, shape (height, width)
+        Disparity of the ground plane, pixels; below 0 above the horizon.
+    disparity : ndarray of float32, shape (height, width)
+        Pixels, without the camera's offset; 0 where there is no match.
+    """
+    camera = frame.camera
+    expected = DisparityPlane.from_ground(ground, camera).disparity(camera)
+    disparity = warped_disparity(
+        frame.pair, camera, np.maximum(expected, 0), search, penalties, parameters, correction.rows
+    )
+    # Without texture, matches spread from its surroundings: fair on the ground, wrong in the sky.
+    bare = untextured(frame.pair[0], parameters.sky_window_px, parameters.sky_texture)
+    disparity[(expected <= 0) & bare] = 0
+    if frame.rover_mask is not None:
+        disparity[frame.rover_mask] = 0
+    unseen = correction.unseen(disparity, camera)
+    if unseen is not None:
+        disparity[unseen] = 0
+    median = cv2.medianBlur(disparity, 3)
+    return expected, np.where(disparity > 0, median, 0).astype(np.float32)
+
+
+def image_penalties(
+    grey: NDArray[np.uint8],
+    noise_share: float,
+    parameters: StereoParameters,
+    images: ImageParameters,
+) -> Penalties:
+    """Choose SGBM's penalties by the contrast of the image, unless the user set them.
+
+    The cost of a false match grows with the grey level's gradient and the size of the block. A
+    penalty must keep pace, or hazy images become flat and crisp ones torn. Where noise hides the
+    texture, costs say less and smoothness must count more.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (height, width)
+        Left image.
+    noise_share : float
+        How far noise hides the texture, 0 to 1.
+    parameters : StereoParameters
+    images : ImageParameters
+    """
+    unit = gradient_level(grey, images) * parameters.block_size_px**2
+    unit *= parameters.smoothness * (1 + parameters.noise_penalty * noise_share)
+    most = parameters.max_penalty
+    step = min(max(1, round(parameters.step_penalty * unit)), most - 1)
+    jump = min(max(round(parameters.jump_penalty * unit), step + 1), most)
+    return chosen_penalties(parameters, Penalties(step, jump))
+
+
+def reduced_mask(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Reduce a mask: a pixel is marked where more than half of it is."""
+    small = cv2.resize(mask.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
+    return np.asarray(small > 0.5)

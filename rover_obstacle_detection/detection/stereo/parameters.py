@@ -1,0 +1,109 @@
+"""Parameters of stereo matching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class StereoParameters:
+    """What matching searches, and how its noise is modelled.
+
+    Grey levels are those of 8-bit images. *Set by the user* means a field of `DetectorConfig`.
+
+    Parameters
+    ----------
+    min_range_m, max_range_m : float
+        Nearest and farthest distance along the optical axis. Set by the user.
+    min_disparity_px, disparity_range_px : int
+        First disparity of the search and their number, a multiple of 16; a number of 0 follows
+        from the camera and `min_range_m`. Set by the user.
+    block_size_px : int
+        Side of the matching block. Set by the user; 3 keeps the outlines of small rocks.
+    p1, p2 : int
+        SGBM penalties on a disparity change of one pixel and of more; 0 lets them follow from the
+        image. Set by the user.
+    smoothness : float
+        Factor on the penalties that follow from the image. Set by the user.
+    uniqueness_percent, speckle_size_px, speckle_range_px, disp12_max_diff_px, prefilter_cap
+        As in `cv2.StereoSGBM`. Set by the user.
+    sgbm_mode : int
+        0 SGBM, 1 HH, 2 SGBM_3WAY, 3 HH4. Set by the user.
+    max_penalty : int
+        Derived: SGBM sums costs in 16 bits and overflows beyond it.
+    step_penalty, jump_penalty : float
+        Penalties per pixel of the block and grey level of gradient. Tuned on the tuning scenes.
+    noise_penalty : float
+        Relative growth of the penalties in an image of pure noise. Tuned on the tuning scenes.
+    coarse_reduction : int
+        Full-size pixels in the side of a pixel of the coarse match. Tuned for speed.
+    min_coarse_width_px : int
+        Smaller images are reduced less: SGBM pulls disparities to whole pixels, which leaves
+        nothing of two or three of them. Tuned on the tuning scenes.
+    coarse_p1, coarse_p2 : int
+        Penalties of the coarse match. Tuned on the tuning scenes.
+    tail_share : float
+        Share of the coarse residuals at either end that the search need not reach. Tuned on the
+        tuning scenes.
+    search_margin_px : float
+        Margin around the residuals seen coarsely. Tuned on the tuning scenes.
+    sky_window_px : int
+        Side of the window that is checked for texture above the horizon.
+    sky_texture : float
+        Mean difference of neighbours below which that window shows bare sky, grey levels. Derived:
+        noise of one grey level has 1.1.
+    refinement_windows_px : tuple of int
+        Sides of the windows of sub-pixel refinement, widest first. Tuned on the tuning scenes.
+    refinement_priors_px : tuple of float
+        Standard deviation of the step expected in each. The last is about the error of most
+        matches. Measured on rendered ground.
+    pixels_per_sample : float
+        Neighbouring pixels that count as one independent sample. Measured on rendered ground.
+    max_refinement_px : float
+        Largest refinement. Derived: SGBM is at most one pixel off where it matches.
+    untextured_noise_px, min_noise_px : float
+        Standard deviation of the disparity without texture and with plenty. Measured on rendered
+        ground.
+    distant_texture_window_px : int
+        Side of the window in which texture counts as near.
+    distant_texture_signal : float
+        Signal over noise in that window below which matches come from distant texture.
+    distant_texture_noise : float
+        Relative growth of the noise there. All three measured on rendered ground.
+    """
+
+    min_range_m: float = 0.3
+    max_range_m: float = 40.0
+    min_disparity_px: int = 0
+    disparity_range_px: int = 0
+    block_size_px: int = 3
+    p1: int = 0
+    p2: int = 0
+    smoothness: float = 1.0
+    uniqueness_percent: int = 8
+    speckle_size_px: int = 50
+    speckle_range_px: int = 2
+    disp12_max_diff_px: int = 1
+    prefilter_cap: int = 63
+    sgbm_mode: int = 2
+    max_penalty: int = 16_000
+    step_penalty: float = 5.0
+    jump_penalty: float = 20.0
+    noise_penalty: float = 3.0
+    coarse_reduction: int = 4
+    min_coarse_width_px: int = 160
+    coarse_p1: int = 300
+    coarse_p2: int = 1200
+    tail_share: float = 0.002
+    search_margin_px: float = 5.0
+    sky_window_px: int = 9
+    sky_texture: float = 2.0
+    refinement_windows_px: tuple[int, ...] = (33, 9)
+    refinement_priors_px: tuple[float, ...] = (0.5, 0.13)
+    pixels_per_sample: float = 2.0
+    max_refinement_px: float = 1.0
+    untextured_noise_px: float = 0.35
+    min_noise_px: float = 0.12
+    distant_texture_window_px: int = 25
+    distant_texture_signal: float = 1.5
+    distant_texture_noise: float = 1.5

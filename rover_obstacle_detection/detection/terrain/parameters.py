@@ -1,0 +1,202 @@
+"""Parameters of the terrain: maps, local ground, slope, drop and the vertical."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class VerticalParameters:
+    """How the vertical is estimated from the ground in view.
+
+    Except where another origin is given, the values were tuned on the tuning scenes.
+
+    Parameters
+    ----------
+    range_m : float
+        Ground farther ahead is ignored.
+    max_cells : int
+        Cells that are fitted; more are thinned.
+    min_cells : int
+        With fewer, the plane's own normal is kept.
+    iterations : int
+        Reweightings of each fit.
+    relief_m : float
+        Deviation from a plane at which a cell counts half. Derived: relief of driveable ground.
+    nearness : float
+        Power of the distance with which a cell's weight falls.
+    min_distance_m : float
+        Distance below which the weight grows no further.
+    known_m : float
+        Height noise with which a cell counts half.
+    tail_share : float
+        Share of the cells at either end that the search for a bend leaves out.
+    turns_deg : tuple of float
+        Directions across which the ground may bend, to the right of straight ahead.
+    hinges : int
+        Distances at which a bend is tried first.
+    first_hinge, last_hinge : float
+        Their ends, relative to the nearest and the farthest ground.
+    finer : int
+        Further distances on either side of the best one, for each step of the first search.
+    bend_width_m : float
+        Half-length over which the slope changes, in the first search.
+    bend_widths_m : tuple of float
+        The same in the second search.
+    search_cells : int
+        With more cells than this, the search for a bend uses every `search_thinning`-th.
+    search_thinning : int
+    cost_tolerance : float
+        Relative excess cost at which a bend's weight in the mean falls to 1 / e.
+    min_bend_deg : float
+        Smaller bends are undulation.
+    max_cost_share : float
+        Cost of a bent fit, relative to a flat one, above which there is no bend.
+    level_share : float
+        Nearer share of the ground before the bend that is fitted once more by itself.
+    """
+
+    range_m: float = 12.0
+    max_cells: int = 2000
+    min_cells: int = 20
+    iterations: int = 5
+    relief_m: float = 0.03
+    nearness: float = 2.0
+    min_distance_m: float = 0.3
+    known_m: float = 0.2
+    tail_share: float = 0.02
+    turns_deg: tuple[float, ...] = (-30, -15, 0, 15, 30)
+    hinges: int = 7
+    first_hinge: float = 1.3
+    last_hinge: float = 0.75
+    finer: int = 3
+    bend_width_m: float = 0.15
+    bend_widths_m: tuple[float, ...] = (0.05, 0.15, 0.3, 0.5)
+    search_cells: int = 500
+    search_thinning: int = 4
+    cost_tolerance: float = 0.1
+    min_bend_deg: float = 6.0
+    max_cost_share: float = 0.6
+    level_share: float = 0.5
+
+
+@dataclass(frozen=True)
+class TerrainParameters:
+    """How the ground is mapped and judged.
+
+    Except where another origin is given, the values were tuned on the tuning scenes. *Set by the
+    user* means a field of `DetectorConfig`.
+
+    Parameters
+    ----------
+    max_step_m, max_slope_deg, max_roughness_m, max_range_m : float
+        The rover's limits; a roughness of 0 is not judged. Set by the user.
+    cell_per_step : float
+        Side of the finest cell over `max_step_m`. Derived: two cells across a rock of that height.
+    max_layers, max_cells : int
+        Maps, each twice as coarse as the one before, and cells along the last.
+    rows_per_cell : float
+        Image rows to a cell at the far end of its layer. Derived: fewer leave empty cells.
+    overlap, overlap_m : float
+        A layer also maps this much, as a factor and in metres, beyond its span.
+    repose_deg : float
+        Loose ground slides where it is steeper: what stands above such a slope is not mapped as
+        ground. Derived: angle of repose of dry sand.
+    cell_relief_m : float
+        Relief within a cell: pixels that are noisier count less.
+    min_noise_m : float
+        Height noise below which a pixel's weight grows no further.
+    opening_m, opening_cells : float
+        Narrower objects are removed by opening before the ground is followed; the larger counts.
+    trend_m, trend_cells : float
+        Standard deviation of the regression that the ground follows; the larger counts.
+    smoothing_m, smoothing_cells : float
+        Standard deviation of the final mean; the larger counts.
+    ground_share : float
+        Height over the trend, relative to `max_step_m`, up to which a cell is ground.
+    second_ground_share : float
+        Factor on that in the second pass, which starts from better ground.
+    trend_ridge, rise_ridge : float
+        Regularisation of the regression for the trend and the rise, as a share of the Gaussian's
+        variance.
+    cells_per_sigma : int
+        Cells in a standard deviation of the coarser grid that a wide regression runs on.
+    reach_sigmas : float
+        Radius of the regression's kernel, standard deviations.
+    min_lever_share : float
+        Lever of distance noise on height is at least this share of the camera's height. Derived:
+        ground seen along itself still has relief.
+    shared_pixels : float
+        Pixels that share their noise: a mean over n has that of n / `shared_pixels` independent
+        ones. Derived: pixels of the refinement window.
+    rise_scales_m : tuple of float
+        Standard deviations at which the rise is measured: a wheel, up to a wheel base.
+    tolerated_rise_noise_deg : float
+        Noise of the rise at which the next wider scale takes over.
+    max_rise_noise_deg : float
+        Rises with more noise are ignored.
+    lost_slope_deg : float
+        Slope that smoothing removes where a slope begins and ends.
+    steep_share : float
+        Least share of a slope's cells that are too steep.
+    relief_m : float
+        Standard deviation at which drops are measured. Derived: scale of the rover's wheels.
+    common_noise_share : float
+        Share of a pixel's noise that is common to all pixels around it.
+    drop_rim_m : float
+        Hollows that are wider are terrain, not drops.
+    drop_rim_cells : int
+        Cells across that width in which drops are searched.
+    drop_noises : float
+        Standard deviations of height by which a drop exceeds the step.
+    roughness_m : float
+        Standard deviation of the window of roughness. Derived: half a wheel base.
+    max_noise_share : float
+        Height noise, relative to `max_step_m`, above which a pixel is unknown. Derived: two
+        standard deviations are a step.
+    max_ground_noise_share : float
+        The same for slope and drop, which average over many pixels.
+    vertical : VerticalParameters
+    """
+
+    max_step_m: float = 0.10
+    max_slope_deg: float = 20.0
+    max_roughness_m: float = 0.0
+    max_range_m: float = 40.0
+    cell_per_step: float = 0.4
+    max_layers: int = 5
+    max_cells: int = 1000
+    rows_per_cell: float = 2.0
+    overlap: float = 1.25
+    overlap_m: float = 1.0
+    repose_deg: float = 35.0
+    cell_relief_m: float = 0.03
+    min_noise_m: float = 0.005
+    opening_m: float = 0.7
+    opening_cells: float = 3.0
+    trend_m: float = 0.4
+    trend_cells: float = 2.5
+    smoothing_m: float = 0.08
+    smoothing_cells: float = 1.2
+    ground_share: float = 0.5
+    second_ground_share: float = 0.6
+    trend_ridge: float = 0.02
+    rise_ridge: float = 1e-3
+    cells_per_sigma: int = 3
+    reach_sigmas: float = 3.5
+    min_lever_share: float = 0.3
+    shared_pixels: float = 100.0
+    rise_scales_m: tuple[float, ...] = (0.14, 0.2, 0.3, 0.5)
+    tolerated_rise_noise_deg: float = 3.0
+    max_rise_noise_deg: float = 20.0
+    lost_slope_deg: float = 2.5
+    steep_share: float = 0.4
+    relief_m: float = 0.10
+    common_noise_share: float = 0.5
+    drop_rim_m: float = 1.8
+    drop_rim_cells: int = 20
+    drop_noises: float = 3.0
+    roughness_m: float = 0.25
+    max_noise_share: float = 0.5
+    max_ground_noise_share: float = 1.5
+    vertical: VerticalParameters = field(default_factory=VerticalParameters)

@@ -1,0 +1,93 @@
+"""What is measured of the terrain: heights by pixel, and the maps they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.terrain.elevation_map import Grid, MapPositions
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A map of the ground for one span of distances.
+
+    Parameters
+    ----------
+    rows : slice
+        Image rows that it covers.
+    positions : MapPositions
+        Of the mapped pixels in those rows, some of them beyond its span.
+    pixels : ndarray of bool, shape (rows, width)
+        Pixels of those rows within its span.
+    seen : ndarray of bool, shape of the map
+        Cells with pixels.
+    is_ground : ndarray of bool, shape of the map
+        Seen cells that show ground, and nothing that stands on it.
+    mean_m : ndarray of float32, shape of the map
+        Mean height of each cell's pixels over the plane, metres.
+    noise_m : ndarray of float32, shape of the map
+        Standard deviation of the height of one of its pixels, metres; 0 in empty cells.
+    information : ndarray of float32, shape of the map
+        Sum of 1 / variance over the pixels of each cell, 1 / m^2.
+    ground_m : ndarray of float32, shape of the map
+        Height of the ground over the plane, metres.
+    camera_m : ndarray of float32, shape of the map
+        Height of the left camera over the plane through the ground around each cell, metres.
+    """
+
+    rows: slice
+    positions: MapPositions
+    pixels: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+    is_ground: NDArray[np.bool_]
+    mean_m: Grid
+    noise_m: Grid
+    information: Grid
+    ground_m: Grid
+    camera_m: Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """What is measured at each pixel.
+
+    Parameters
+    ----------
+    height_m : ndarray of float32, shape (height, width)
+        Above the local ground, metres; NaN where there is no 3D within range.
+    noise_m : ndarray of float32, shape (height, width)
+        Its standard deviation, metres; infinite where there is no match.
+    camera_m : ndarray of float32, shape (height, width)
+        Height of the left camera over the plane through the ground around each pixel, metres;
+        negative where that ground is seen from below.
+    pixels_per_metre : ndarray of float32, shape (height, width)
+        Image scale at the pixel's distance; 0 where there is no match.
+    layers : tuple of Layer
+        Nearest first.
+    """
+
+    height_m: Image
+    noise_m: Image
+    camera_m: Image
+    pixels_per_metre: Image
+    layers: tuple[Layer, ...]
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Pixels with a height."""
+        return np.isfinite(self.height_m)
+
+    def within(self, window: tuple[slice, slice]) -> Terrain:
+        """Return a window of the image, without the layers."""
+        return Terrain(
+            self.height_m[window],
+            self.noise_m[window],
+            self.camera_m[window],
+            self.pixels_per_metre[window],
+            (),
+        )

@@ -1,0 +1,140 @@
+"""Training examples: features and labels of recorded or rendered frames."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.bags.stereo import BadFrame
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.methods.hybrid import measure
+from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.rectification.correction import Correction
+from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
+from rover_obstacle_detection.detection.rocks.standing import standing_parts
+from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.evaluation.frame import LabelledFrame
+from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK, connected
+from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
+from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
+from rover_obstacle_detection.simulation.cache import cache_folder, simulated_bag
+from rover_obstacle_detection.simulation.suite import load_suite
+
+_PLACES_PER_PART = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A labelled frame as the network is trained on it.
+
+    Parameters
+    ----------
+    features : Tensor of float16, shape (features, height, width)
+    rock : Tensor of bool, shape (height, width)
+        Pixels labelled as rock.
+    counted : Tensor of bool, shape (height, width)
+        Pixels labelled as rock or as free. The detector finds slopes and drops by other means, so
+        the network may say anything there.
+    places : ndarray of int, shape (n, 2)
+        Rows and columns on rocks, and on whatever else stands up.
+    """
+
+    features: torch.Tensor
+    rock: torch.Tensor
+    counted: torch.Tensor
+    places: NDArray[np.intp]
+
+
+def bags_of_suite(suite: str, is_chosen: Callable[[str], bool]) -> Iterator[Path]:
+    """Render the chosen scenes of a suite, unless the cache has them already.
+
+    Raises
+    ------
+    MissingExtraError
+        If a scene must be rendered, and the extra ``sim`` is not installed.
+    """
+    for scene in load_suite(suite):
+        if is_chosen(scene.name):
+            yield simulated_bag(scene, cache_folder())
+
+
+def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
+    """Make examples of all labelled frames of recordings, and name the frames that are skipped.
+
+    Raises
+    ------
+    ObstacleDetectionError
+        If a recording cannot be read or has no labels.
+    """
+    examples = []
+    for path in paths:
+        print(f'reading {path.name}', file=sys.stderr)
+        before = len(examples)
+        with open_bag(path) as bag:
+            frames, _ = labelled_frames(bag, find_truth_topics(bag), BagOptions())
+            for frame in frames:
+                if isinstance(frame, BadFrame):
+                    print(f'skipped: {path}: {frame.reason}', file=sys.stderr)
+                else:
+                    examples.append(example_of(frame))
+        if len(examples) == before:
+            msg = f'{path}: no labelled frame'
+            raise BagError(msg)
+    return examples
+
+
+def example_of(frame: LabelledFrame) -> Example:
+    """Compute a frame's features as the detector does where gravity is not known."""
+    parameters = DetectorParameters.from_config(DetectorConfig())
+    pair = grey_pair(frame.left, frame.right, frame.camera)
+    _, correction, stereo, terrain = measure(Frame(pair, frame.camera), parameters)
+    standing = standing_parts(terrain, parameters.rocks)
+    features = outline_features(stereo, terrain, standing, EVERYWHERE, parameters.rocks)
+    labels = straightened_labels(frame, correction)
+    rock = labels == ROCK
+    return Example(
+        torch.from_numpy(features.astype(np.float16)),
+        torch.from_numpy(rock),
+        torch.from_numpy(rock | (labels == FREE)),
+        even_places(rock | (standing.parts > 0)),
+    )
+
+
+def straightened_labels(frame: LabelledFrame, correction: Correction) -> NDArray[np.uint8]:
+    """Labels of the straightened left image, which is what the features show."""
+    if not correction.lenses.left:
+        return frame.labels
+    left, _ = correction.lenses.views(frame.camera)
+    labels = left.straightened(frame.labels, cv2.INTER_NEAREST).copy()
+    labels[~left.seen(0)] = NOT_COUNTED
+    return labels
+
+
+def even_places(where: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Draw the same number of pixels from each connected part, as far as it has that many.
+
+    Parameters
+    ----------
+    where : ndarray of bool, shape (height, width)
+
+    Returns
+    -------
+    ndarray of int, shape (n, 2)
+        Rows and columns.
+    """
+    parts = connected(where).ravel()
+    pixels = np.random.default_rng(0).permutation(np.flatnonzero(parts))
+    pixels = pixels[np.argsort(parts[pixels], kind='stable')]
+    _, first, count = np.unique(parts[pixels], return_index=True, return_counts=True)
+    rank = np.arange(len(pixels)) - np.repeat(first, count)
+    return np.stack(np.unravel_index(pixels[rank < _PLACES_PER_PART], where.shape), axis=1)

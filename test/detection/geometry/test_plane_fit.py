@@ -1,0 +1,188 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
+from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground, fit_ground_plane
+
+CAMERA = StereoCamera(160, 120, 100.0, 104.0, 79.5, 59.5, 0.12)
+PARAMETERS = PlaneFitParameters()
+NOISE_PX = 0.1
+
+
+def ground(pitch_deg, height_m, roll_deg=0.0):
+    up = Gravity.from_angles(pitch_deg, roll_deg).up
+    return GroundPlane(up, height_m, up)
+
+
+def plane_disparity(plane):
+    return np.maximum(DisparityPlane.from_ground(plane, CAMERA).disparity(CAMERA), 0)
+
+
+def noisy(disparity, seed=0):
+    noise = np.random.default_rng(seed).normal(0, NOISE_PX, disparity.shape)
+    return np.where(disparity > 0, np.maximum(disparity + noise, 0), 0).astype(np.float32)
+
+
+def fit(disparity, gravity=None):
+    plane = fit_ground_plane(
+        disparity,
+        CAMERA,
+        PARAMETERS,
+        min_disparity=CAMERA.disparity_at(20.0),
+        gravity=gravity,
+    )
+    return None if plane is None else plane.in_space(CAMERA, gravity)
+
+
+def estimated(disparity, gravity=None, parameters=PARAMETERS):
+    return estimate_ground(disparity, CAMERA, parameters, gravity)
+
+
+def angle_deg(one, other):
+    return np.degrees(np.arccos(np.clip(np.dot(one, other), -1, 1)))
+
+
+@pytest.mark.parametrize(
+    ('pitch', 'roll', 'height'),
+    [(46, 0, 1.0), (20, 0, 1.5), (10, -8, 0.5), (65, 5, 2.0), (75, 0, 1.0), (5, 0, 0.4)],
+)
+def test_ground_without_obstacles_is_found(pitch, roll, height):
+    truth = ground(pitch, height, roll)
+    found = fit(noisy(plane_disparity(truth)))
+    assert angle_deg(found.normal, truth.normal) < 0.2
+    assert found.height_m == pytest.approx(height, rel=0.005)
+
+
+@pytest.mark.parametrize(('pitch', 'height'), [(46, 1.0), (25, 1.0), (60, 1.5)])
+@pytest.mark.parametrize('seed', range(3))
+def test_ground_is_found_with_obstacles_on_40_percent_of_it(pitch, height, seed):
+    truth = ground(pitch, height)
+    disparity = plane_disparity(truth)
+    generator = np.random.default_rng(seed)
+    # Blocks of 10 x 10 pixels, some of them raised by up to two thirds of the camera height.
+    blocks = generator.random((12, 16)) < 0.4
+    rise = np.where(blocks, generator.uniform(0.15, 0.65, blocks.shape), 0)
+    raised = disparity / (1 - np.kron(rise, np.ones((10, 10))))
+    found = fit(noisy(raised, seed))
+    assert angle_deg(found.normal, truth.normal) < 0.5
+    assert found.height_m == pytest.approx(height, rel=0.015)
+
+
+def test_ground_is_found_below_a_table():
+    truth, table = plane_disparity(ground(46, 1.0)), plane_disparity(ground(46, 0.6))
+    disparity = truth.copy()
+    disparity[:, 84:] = table[:, 84:]
+    found = fit(noisy(disparity))
+    assert found.height_m == pytest.approx(1.0, rel=0.02)
+
+
+def test_known_gravity_rules_out_a_steep_bank():
+    level, steep = plane_disparity(ground(20.0, 1.0)), plane_disparity(ground(65.0, 1.6))
+    assert (steep > level).mean() > 0.5
+    gravity = Gravity.from_angles(20.0)
+    found = fit(noisy(np.maximum(level, steep)), gravity)
+    assert found.up == gravity.up
+    assert found.slope_deg < 30
+
+
+def test_missing_and_far_pixels_are_excluded():
+    truth = ground(30.0, 1.0)
+    disparity = noisy(plane_disparity(truth))
+    disparity[:, ::3] = 0
+    disparity[:8] = 0.01
+    assert angle_deg(fit(disparity).normal, truth.normal) < 0.2
+
+
+def test_same_disparity_gives_the_same_plane():
+    disparity = noisy(plane_disparity(ground(46.0, 1.0)))
+    assert fit(disparity) == fit(disparity.copy())
+
+
+@pytest.mark.parametrize('matched', [0, 10, 49])
+def test_too_few_points_give_no_plane(matched):
+    disparity = np.zeros(CAMERA.shape, np.float32)
+    disparity.ravel()[:matched] = 5
+    assert fit(disparity) is None
+
+
+def test_collinear_points_give_no_plane():
+    disparity = np.zeros(CAMERA.shape, np.float32)
+    disparity[60] = 5
+    assert fit(disparity) is None
+
+
+def test_a_wall_is_not_ground():
+    wall = np.full(CAMERA.shape, 5.0, np.float32)
+    assert fit(noisy(wall), Gravity.from_angles(0.0)) is None
+
+
+def test_visible_ground_is_estimated():
+    truth = ground(46.0, 1.0)
+    found = estimated(noisy(plane_disparity(truth)))
+    assert angle_deg(found.normal, truth.normal) < 0.3
+    assert found.up == found.normal
+    assert found.pitch_deg == pytest.approx(46, abs=0.3)
+
+
+def test_plane_follows_the_nearer_part_of_ground_with_a_break():
+    near, far = ground(30.0, 1.0), ground(42.0, 1.5)
+    disparity = np.maximum(plane_disparity(near), plane_disparity(far))
+    bent = plane_disparity(far) > plane_disparity(near)
+    assert 0.1 < bent.mean() < 0.4
+    assert angle_deg(estimated(noisy(disparity)).normal, near.normal) < 1.5
+
+
+def test_ground_is_found_in_front_of_a_wall():
+    truth = ground(20.0, 1.0)
+    wall = np.full(CAMERA.shape, CAMERA.disparity_at(4.0), np.float32)
+    disparity = np.maximum(plane_disparity(truth), wall)
+    assert (disparity == wall).mean() > 0.25
+    assert angle_deg(estimated(noisy(disparity)).normal, truth.normal) < 2
+
+
+def test_slope_is_relative_to_known_gravity():
+    gravity = Gravity.from_angles(46.0)
+    found = estimated(noisy(plane_disparity(ground(58.0, 1.0))), gravity)
+    assert found.up == gravity.up
+    assert found.slope_deg == pytest.approx(12, abs=0.5)
+
+
+def test_without_disparity_the_known_mounting_is_used():
+    nothing = np.zeros(CAMERA.shape, np.float32)
+    found = estimated(nothing, Gravity.from_angles(46.0, height_m=0.7))
+    assert found.height_m == 0.7
+    assert found.pitch_deg == pytest.approx(46)
+    assert found.slope_deg == pytest.approx(0, abs=1e-5)
+    assert estimated(nothing, Gravity.from_angles(46.0)).height_m == 1.0
+
+
+def test_without_disparity_and_gravity_a_level_camera_is_assumed():
+    assumed = replace(PARAMETERS, default_height_m=0.4)
+    found = estimated(np.zeros(CAMERA.shape, np.float32), parameters=assumed)
+    assert found == GroundPlane((0.0, -1.0, 0.0), 0.4, (0.0, -1.0, 0.0))
+
+
+def test_points_beyond_the_range_are_excluded():
+    disparity = noisy(plane_disparity(ground(30.0, 1.0)))
+    nearby = replace(PARAMETERS, max_range_m=0.5)
+    assert estimated(disparity, parameters=nearby).normal == (0.0, -1.0, 0.0)
+
+
+def test_relief_within_the_tolerance_counts_as_ground():
+    truth = plane_disparity(ground(46.0, 1.0))
+    # Half of the ground is 15 cm high. With enough tolerance it raises the plane.
+    raised = np.kron(np.random.default_rng(0).random((12, 16)) < 0.5, np.ones((10, 10), bool))
+    disparity = noisy(np.where(raised, truth / 0.85, truth))
+    tight_m, loose_m = (
+        estimated(disparity, parameters=replace(PARAMETERS, tolerance_m=each)).height_m
+        for each in (0.02, 0.5)
+    )
+    assert tight_m == pytest.approx(1, abs=0.02)
+    assert loose_m < 0.98

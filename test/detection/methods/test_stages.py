@@ -1,0 +1,66 @@
+"""Stages of the hybrid that are replaced from outside."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from synthetic import Box, Dome, mast, render
+
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
+from rover_obstacle_detection.detection.result.cue import Cue
+
+SCENE = mast(solids=(Box(0.35, 1.4, 0.25, 0.25, 0.22), Dome(-0.3, 1.0, 0.2)), solid_brightness=0.3)
+NAMES = [each.name for each in fields(HybridStages)]
+
+
+def detect(stages, **options):
+    view = render(SCENE)
+    return Detector(SCENE.camera, stages=stages).detect(view.left, view.right, **options)
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_given_stage_is_the_one_that_runs(name):
+    calls = []
+
+    def recorded(*arguments):
+        calls.append(name)
+        return getattr(HYBRID_STAGES, name)(*arguments)
+
+    found = detect(replace(HYBRID_STAGES, **{name: recorded}))
+    assert calls
+    whole = detect(HYBRID_STAGES)
+    for product in ('disparity', 'height', 'cues', 'mask', 'known'):
+        np.testing.assert_array_equal(getattr(found, product), getattr(whole, product))
+
+
+def test_known_gravity_is_not_estimated():
+    def estimate(*arguments):
+        raise AssertionError
+
+    stages = replace(HYBRID_STAGES, vertical=estimate)
+    assert detect(stages, gravity=SCENE.gravity).ground.up == SCENE.gravity.up
+    with pytest.raises(AssertionError):
+        detect(stages)
+
+
+def everywhere(first, *others):
+    shape = first.height_m.shape if hasattr(first, 'height_m') else first.shape
+    return np.ones(shape, np.bool_)
+
+
+@pytest.mark.parametrize(('name', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP)])
+def test_pixels_that_a_stage_finds_have_its_cue(name, cue):
+    found = detect(replace(HYBRID_STAGES, **{name: everywhere}))
+    assert ((found.cues & cue) > 0).all()
+    assert (found.mask > 0).all()
+
+
+def test_outlines_are_those_that_are_drawn():
+    def nothing(stereo, terrain, standing, window, parameters):
+        return np.zeros(standing.parts[window].shape, np.float32)
+
+    assert detect(HYBRID_STAGES).mask.any()
+    assert not detect(replace(HYBRID_STAGES, outlines=nothing)).mask.any()

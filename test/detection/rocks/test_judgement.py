@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rover_obstacle_detection.detection.rocks.judgement import (
+    half_height_outlines,
+    overruled_parts,
+    too_high,
+    upright_parts,
+)
+from rover_obstacle_detection.detection.rocks.parameters import RockParameters
+from rover_obstacle_detection.detection.rocks.standing import Standing
+from rover_obstacle_detection.detection.terrain.terrain import Terrain
+
+SHAPE = (60, 80)
+ROCK = np.s_[20:36, 30:50]
+PARAMETERS = RockParameters(max_step_m=0.1)
+
+
+def terrain_of(height_m=0.0, noise_m=0.005, step_px=30.0, measured=True):
+    height = np.zeros(SHAPE, np.float32)
+    height[ROCK] = height_m
+    height[ROCK] = np.where(measured, height[ROCK], np.nan)
+    return Terrain(
+        height,
+        np.full(SHAPE, noise_m, np.float32),
+        np.ones(SHAPE, np.float32),
+        np.full(SHAPE, step_px / PARAMETERS.max_step_m, np.float32),
+        (),
+    )
+
+
+def kept(terrain, probability=0.6, drawn=ROCK, unmeasured=False):
+    """How a drawn rock is judged as a whole: 'high', 'by sight' or ''."""
+    mask = np.zeros(SHAPE, bool)
+    mask[drawn] = True
+    high, by_sight = too_high(
+        mask,
+        np.full(SHAPE, probability, np.float32),
+        terrain,
+        ~terrain.measured & unmeasured,
+        PARAMETERS,
+    )
+    for rocks in (high, by_sight):
+        assert rocks.dtype == np.bool_
+        assert rocks.sum() in (0, mask.sum())
+    assert not (high & by_sight).any()
+    return 'high' if high.any() else 'by sight' if by_sight.any() else ''
+
+
+@pytest.mark.parametrize(('height', 'expected'), [(0.05, ''), (0.095, ''), (0.11, 'high')])
+def test_near_rock_has_to_be_as_high_as_the_step(height, expected):
+    assert kept(terrain_of(height), 0.99) == expected
+
+
+@pytest.mark.parametrize(('height', 'expected'), [(0.06, ''), (0.08, 'high')])
+def test_small_rock_may_be_lower_since_matching_flattens_it(height, expected):
+    assert kept(terrain_of(height, step_px=12.0)) == expected
+
+
+def test_rock_has_to_rise_above_its_noise():
+    assert kept(terrain_of(0.15, noise_m=0.15))
+    assert not kept(terrain_of(0.15, noise_m=0.3))
+
+
+@pytest.mark.parametrize(
+    ('step_px', 'probability', 'measured', 'expected'),
+    [
+        (5.0, 0.9, True, 'high'),
+        (5.0, 0.6, True, ''),
+        (15.0, 0.9, True, ''),
+        (5.0, 0.9, False, ''),
+    ],
+    ids=['likely and far', 'unlikely', 'near', 'without 3D'],
+)
+def test_far_rock_is_accepted_by_its_looks(step_px, probability, measured, expected):
+    terrain = terrain_of(0.03, noise_m=0.1, step_px=step_px, measured=measured)
+    assert kept(terrain, probability) == expected
+
+
+def test_stereo_can_rule_out_a_far_rock():
+    assert kept(terrain_of(0.01, noise_m=0.03, step_px=5.0), 0.9) == 'high'
+    assert kept(terrain_of(0.01, noise_m=0.015, step_px=5.0), 0.9) == ''
+
+
+def test_far_rock_has_to_look_as_large_as_the_step():
+    terrain = terrain_of(0.03, noise_m=0.1, step_px=8.0)
+    assert kept(terrain, 0.9)
+    assert not kept(terrain, 0.9, drawn=np.s_[22:28, 30:50])
+
+
+@pytest.mark.parametrize(
+    ('step_px', 'probability', 'in_range', 'expected'),
+    [
+        (12.0, 0.9, True, 'by sight'),
+        (12.0, 0.6, True, ''),
+        (20.0, 0.9, True, ''),
+        (12.0, 0.9, False, ''),
+    ],
+    ids=['likely and large', 'unlikely', 'small', 'out of range'],
+)
+def test_rock_without_3d_is_judged_by_looks_and_size(step_px, probability, in_range, expected):
+    terrain = terrain_of(0.0, step_px=step_px, measured=False)
+    assert kept(terrain, probability, unmeasured=in_range) == expected
+
+
+def test_flat_ground_within_a_rock_without_3d_rules_it_out():
+    terrain = terrain_of(0.0, noise_m=0.005, step_px=12.0)
+    terrain.height_m[20:30, 30:50] = np.nan
+    assert kept(terrain, 0.9, unmeasured=True) == ''
+    terrain.height_m[30:36, 30:50] = 0.3
+    assert kept(terrain, 0.9, unmeasured=True) != ''
+
+
+def test_core_needs_a_rock_that_mostly_stands_up():
+    terrain = terrain_of(0.0)
+    terrain.height_m[20:23, 30:50] = 0.3
+    assert not kept(terrain)
+    terrain.height_m[20:27, 30:50] = 0.3
+    assert kept(terrain)
+
+
+def leg(height_m):
+    """A lander's leg, much higher than wide in the image, on flat ground."""
+    terrain = terrain_of(0.0)
+    terrain.height_m[10:50, 40:46] = height_m
+    standing = Standing(
+        (terrain.height_m > 0.02).astype(np.int32), np.array([0, height_m], np.float32)
+    )
+    return terrain, standing
+
+
+def overruled(terrain, standing, drawn=()):
+    mask = np.zeros(SHAPE, bool)
+    for part in drawn:
+        mask[part] = True
+    return overruled_parts(mask, terrain, standing, PARAMETERS)
+
+
+def test_network_is_overruled_where_height_is_certain():
+    assert overruled(*leg(0.3))[12:48, 41:45].all()
+
+
+def test_network_is_not_overruled_near_the_step():
+    assert not overruled(*leg(0.12)).any()
+
+
+def test_network_is_not_overruled_where_height_is_noisy():
+    terrain, standing = leg(0.3)
+    terrain.noise_m[:] = 0.05
+    assert not overruled(terrain, standing).any()
+
+
+def test_network_is_not_overruled_where_it_outlined_the_part():
+    assert not overruled(*leg(0.3), drawn=[np.s_[10:50, 40:46]]).any()
+    assert overruled(*leg(0.3), drawn=[np.s_[10:30, 40:46]]).any()
+
+
+def test_network_is_not_overruled_for_what_is_wider_than_high():
+    terrain = terrain_of(0.3)
+    standing = Standing((terrain.height_m > 0.02).astype(np.int32), np.array([0, 0.3], np.float32))
+    assert not overruled(terrain, standing).any()
+
+
+@pytest.mark.parametrize(('ratio', 'upright'), [(1.5, True), (2.5, False)])
+def test_upright_parts_are_higher_than_wide_by_the_ratio(ratio, upright):
+    mask = np.zeros(SHAPE, bool)
+    mask[5:25, 5:15] = True
+    mask[5:15, 30:60] = True
+    found = upright_parts(mask, ratio)
+    assert found[5:25, 5:15].all() == found.any() == upright
+    assert not found[:, 30:].any()
+
+
+def test_half_height_outline_cuts_off_blurred_rims_but_not_the_foot():
+    terrain, standing = leg(0.3)
+    terrain.height_m[7:10, 40:46] = terrain.height_m[10:50, 46:49] = 0.1
+    terrain.height_m[50:53, 40:46] = 0.1
+    parts = np.zeros(SHAPE, np.int32)
+    parts[7:53, 40:49] = 1
+    found = half_height_outlines(terrain, Standing(parts, standing.top_m), reach_px=5)
+    expected = np.zeros(SHAPE, bool)
+    expected[10:53, 40:46] = True
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_half_height_outline_reaches_only_so_far_beside_a_part():
+    terrain, _ = leg(0.3)
+    terrain.height_m[10:50, 46:60] = 0.1
+    everywhere = Standing(np.ones(SHAPE, np.int32), np.array([0, 0.3], np.float32))
+    found = half_height_outlines(terrain, everywhere, reach_px=5)
+    assert not found[10:50, 46:51].any()
+    assert found[10:50, 51:60].all()

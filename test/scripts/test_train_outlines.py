@@ -1,0 +1,303 @@
+"""The script that trains the network that outlines obstacles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip('torch', reason='needs the extra train')
+pytest.importorskip('onnx', reason='needs the extra train')
+
+import onnx
+import torch
+import train_outlines
+from outline_training import crops, examples, export, train
+from outline_training.crops import CROP_PX, GREY, HEIGHT, MEASURED, SCALE, random_crop
+from outline_training.examples import (
+    Example,
+    even_places,
+    examples_of_bags,
+    straightened_labels,
+)
+from outline_training.export import Folded, write_model
+from outline_training.network import Corrected, OutlineNet, beside_its_mirror_image
+from outline_training.score import mean_iou
+from outline_training.train import loss_of, pixel_logits, train_from_random_weights
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.rectification.correction import Correction
+from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
+from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
+from rover_obstacle_detection.detection.rocks.outline_features import (
+    FEATURES,
+    FEATURES_VERSION,
+    PARALLAX_FEATURES,
+)
+from rover_obstacle_detection.detection.rocks.outline_model import VERSION_KEY, OutlineModel
+from rover_obstacle_detection.errors import ModelError
+from rover_obstacle_detection.evaluation.frame import LabelledFrame
+from rover_obstacle_detection.evaluation.labels import NOT_COUNTED, ROCK
+
+BAG = Path(__file__).parents[2] / 'bags' / 'simulated_vga_moon'
+
+
+def random_weights(net, seed=0):
+    """Give all weights values other than zero, which corrections begin with."""
+    torch.manual_seed(seed)
+    with torch.no_grad():
+        for parameter in net.parameters():
+            parameter.normal_(0, 0.1)
+    return net
+
+
+def random_features(*shape):
+    generator = np.random.default_rng(0)
+    return generator.standard_normal((len(FEATURES), *shape), np.float32)
+
+
+def example(height=200, width=240, rock=np.s_[80:120, 100:150]):
+    rocks = np.zeros((height, width), bool)
+    rocks[rock] = True
+    features = random_features(height, width)
+    features[MEASURED] = 1
+    return Example(
+        torch.from_numpy(features.astype(np.float16)),
+        torch.from_numpy(rocks),
+        torch.ones(height, width, dtype=torch.bool),
+        even_places(rocks),
+    )
+
+
+def probabilities(net, features):
+    with torch.no_grad():
+        return torch.sigmoid(pixel_logits(net, torch.from_numpy(features)[None]))[0].numpy()
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _small_batches():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(train, '_BATCH', 2)
+        yield
+
+
+@pytest.fixture(scope='module')
+def trained(tmp_path_factory):
+    """The file that two steps on one bag lead to."""
+    path = tmp_path_factory.mktemp('trained') / 'model.onnx'
+    train_outlines.main(['--steps', '2', '--bags', str(BAG), '--output', str(path)])
+    return path
+
+
+def test_one_command_leads_to_a_file_that_the_detector_reads(trained):
+    onnx.checker.check_model(onnx.load(str(trained)), full_check=True)
+    data = trained.read_bytes()
+    assert read_metadata(data)[VERSION_KEY] == FEATURES_VERSION
+    found = OutlineModel(data).probability(random_features(61, 90))
+    assert found.shape == (61, 90)
+    assert found.std() > 0
+    assert [path.name for path in trained.parent.iterdir()] == ['model.onnx']
+
+
+def test_the_same_seed_leads_to_the_same_network_in_onnx_as_in_torch(trained):
+    net = train_from_random_weights(examples_of_bags([BAG]), 2)
+    features = random_features(64, 96)
+    found = OutlineModel(trained.read_bytes()).probability(features)
+    np.testing.assert_allclose(found, probabilities(net, features), atol=1e-4)
+
+
+def test_a_file_that_differs_from_the_network_is_not_kept(monkeypatch, tmp_path):
+    path = tmp_path / 'model.onnx'
+    path.write_bytes(b'former model')
+    other = export.onnx_model(random_weights(OutlineNet(2), seed=1))
+    monkeypatch.setattr(export, 'onnx_model', lambda net: other)
+    with pytest.raises(ModelError, match='differs from the trained network'):
+        write_model(random_weights(OutlineNet(2)), path)
+    assert path.read_bytes() == b'former model'
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_corrections_are_exported(tmp_path):
+    net = random_weights(OutlineNet(2))
+    features = random_features(48, 40)
+    model = write_model(net, tmp_path / 'model.onnx')
+    np.testing.assert_allclose(
+        model.probability(features), probabilities(net, features), atol=1e-4
+    )
+
+
+@pytest.mark.parametrize('convolutions', [1, 2])
+def test_folding_changes_nothing(convolutions):
+    corrected = random_weights(Corrected(6, convolutions))
+    channels = torch.from_numpy(random_features(9, 7)[None, :6])
+    torch.testing.assert_close(Folded(corrected)(channels), corrected(channels))
+
+
+def test_two_branches_begin_as_the_mean_of_an_image_and_its_mirror_image():
+    single = random_weights(OutlineNet(1))
+    features = torch.from_numpy(random_features(32, 48)[None])
+    with torch.no_grad():
+        mirrored = pixel_logits(single, features.flip(-1)).flip(-1)
+        expected = (pixel_logits(single, features) + mirrored) / 2
+        found = pixel_logits(beside_its_mirror_image(single), features)
+    assert (mirrored - expected).abs().max() > 0.01
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_what_is_not_counted_does_not_matter():
+    logits = torch.from_numpy(random_features(20, 20)[:2])
+    rock = (logits > 1).float()
+    counted = torch.ones_like(rock)
+    counted[:, 5:10] = 0
+    changed = torch.where(counted > 0, logits, -7 * logits)
+    torch.testing.assert_close(loss_of(changed, rock, counted), loss_of(logits, rock, counted))
+    assert loss_of(40 * (rock - 0.5), rock, counted) < 1e-3
+    assert loss_of(40 * (0.5 - rock), rock, counted) > 1
+
+
+@pytest.mark.parametrize('shape', [(200, 240), (90, 300)])
+def test_crops_have_one_size_and_show_the_rock(shape):
+    generator = np.random.default_rng(0)
+    made = example(*shape, np.s_[50:70, 100:130])
+    shown = 0
+    for _ in range(20):
+        features, rock, counted = random_crop(made, generator)
+        assert features.shape == (len(FEATURES), CROP_PX, CROP_PX)
+        assert rock.shape == counted.shape == (CROP_PX, CROP_PX)
+        assert set(features[MEASURED].unique().tolist()) <= {0, 1}
+        assert set(rock.unique().tolist()) <= {0, 1}
+        assert counted.all()
+        shown += bool(rock.any())
+    assert shown > 12
+
+
+def test_an_enlarged_crop_has_more_pixels_per_step(monkeypatch):
+    monkeypatch.setattr(crops, '_RESIZED', 1)
+    monkeypatch.setattr(crops, '_WITHOUT_3D_ON_A_SIDE', 0)
+    monkeypatch.setattr(crops, '_SMALLEST', 1.25)
+    monkeypatch.setattr(crops, '_LARGEST', 1.25)
+    made = example()
+    made.features[SCALE] = 1
+    features, _, _ = random_crop(made, np.random.default_rng(0))
+    assert features[SCALE].mean().item() == pytest.approx(1 + np.log(1.25) / 3, abs=1e-3)
+
+
+def test_a_hidden_side_has_no_3d_but_an_image():
+    features = torch.from_numpy(random_features(CROP_PX, CROP_PX)[None])
+    features[:, MEASURED] = 1
+    before = features.clone()
+    crops.hide_a_side(features, np.random.default_rng(0))
+    hidden = features[0, MEASURED] == 0
+    assert 0.05 < hidden.float().mean() < 0.95
+    assert (hidden[:, :-1].int() >= hidden[:, 1:].int()).all()
+    assert (features[0, PARALLAX_FEATURES, :, :] * hidden == 0).all()
+    assert not torch.equal(features[0, HEIGHT][hidden], before[0, HEIGHT][hidden])
+    torch.testing.assert_close(features[0, GREY], before[0, GREY])
+    torch.testing.assert_close(features[0][:, ~hidden], before[0][:, ~hidden])
+
+
+def test_shade_changes_the_grey_level_alone():
+    rock = torch.zeros(CROP_PX, CROP_PX)
+    for seed in range(10):
+        features = torch.zeros(1, len(FEATURES), CROP_PX, CROP_PX)
+        crops.shade(features, rock, np.random.default_rng(seed))
+        assert features[0, GREY].abs().max() > 0.1
+        features[0, GREY] = 0
+        assert not features.any()
+
+
+def test_small_parts_are_looked_at_as_often_as_large_ones():
+    where = np.zeros((100, 100), bool)
+    where[5:12, 5:12] = True
+    where[40:100, 40:100] = True
+    where[0, 99] = True
+    rows, columns = even_places(where).T
+    assert where[rows, columns].all()
+    assert np.count_nonzero(rows < 20) == 40 + 1
+    assert np.count_nonzero(rows >= 40) == 40
+
+
+def test_labels_are_straightened_with_the_image():
+    camera = StereoCamera(
+        width=160, height=120, fx=80.0, fy=80.0, cx=80.0, cy=60.0, baseline_m=0.1
+    )
+    labels = np.zeros(camera.shape, np.uint8)
+    cv2.circle(labels, (130, 90), 8, ROCK, cv2.FILLED)
+    frame = LabelledFrame(0, camera, labels, labels, labels, labels.astype(np.uint16))
+    assert straightened_labels(frame, Correction()) is labels
+    barrel = LensDistortion(k1=-0.08)
+    correction = Correction(lenses=Lenses(barrel, barrel))
+    found = straightened_labels(frame, correction)
+    rows, columns = np.nonzero(found == ROCK)
+    # The lens shows the point at a smaller radius than a straight image does.
+    radius = np.hypot(130 - 80, 90 - 60) / 80
+    straight = np.hypot(columns.mean() - 80, rows.mean() - 60) / 80
+    assert straight + barrel.k1 * straight**3 == pytest.approx(radius, abs=0.02)
+    pincushion = Lenses(LensDistortion(k1=0.08), LensDistortion(k1=0.08))
+    found = straightened_labels(frame, Correction(lenses=pincushion))
+    assert found[0, 0] == NOT_COUNTED
+    assert found[60, 80] == 0
+
+
+def test_iou_counts_frames_with_rocks_and_counted_pixels():
+    class Model:
+        def probability(self, features):
+            return features[0]
+
+    full = example()
+    full.features[0] = full.rock.half()
+    half = example()
+    half.features[0] = half.rock.half()
+    half.features[0, 80:100] = 0
+    half.features[0, 150:] = 1
+    half.counted[150:] = False
+    bare = example(rock=np.s_[:0])
+    assert mean_iou(Model(), [full, half, bare]) == pytest.approx((1 + 0.5) / 2)
+    assert np.isnan(mean_iou(Model(), [bare]))
+
+
+@pytest.fixture
+def named_bags(monkeypatch):
+    """Each bag stands for its own example; nothing is rendered."""
+    monkeypatch.setattr(examples, 'simulated_bag', lambda scene, folder: scene.name)
+    monkeypatch.setattr(train_outlines, 'examples_of_bags', list)
+
+
+def test_the_suites_share_no_scene(named_bags):
+    training, unseen = train_outlines.suites()
+    held_out, tuning = unseen['held-out scenes'], unseen['tuning scenes']
+    assert len(held_out) == 30
+    assert len(training) > 300
+    assert not set(training) & set(held_out)
+    assert all(name.startswith('train_') for name in training + held_out)
+    assert tuning
+    assert all(name.startswith('tune_') for name in tuning)
+
+
+def test_each_tenth_bag_is_held_out(named_bags):
+    assert train_outlines.given_bags(list('abc')) == (list('abc'), {})
+    training, unseen = train_outlines.given_bags(list('abcdefghijklmnopqrstu'))
+    assert unseen == {'held-out bags': ['j', 't']}
+    assert training == list('abcdefghiklmnopqrsu')
+
+
+def test_what_cannot_be_read_is_named_and_nothing_is_written(tmp_path):
+    output = tmp_path / 'model.onnx'
+    with pytest.raises(SystemExit, match='nowhere'):
+        train_outlines.main(['--bags', str(tmp_path / 'nowhere'), '--output', str(output)])
+    assert not output.exists()
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_the_training(tmp_path):
+    output = tmp_path / 'no such folder' / 'model.onnx'
+    with pytest.raises(SystemExit, match='cannot write'):
+        train_outlines.main(['--bags', str(BAG), '--output', str(output)])
+
+
+def test_a_step_for_each_phase_is_needed(capsys):
+    with pytest.raises(SystemExit) as exited:
+        train_outlines.main(['--steps', '1'])
+    assert exited.value.code == 2
+    assert 'expected at least 2' in capsys.readouterr().err
