@@ -79,7 +79,6 @@ class DetectorParameters:
                 min_region_size_px=c.min_region_size,
                 min_seed_points=c.min_seed_points,
                 dark_grey_level=c.dark_grey_level,
-                max_range_m=c.max_range,
             ),
             study=_study_parameters(config),
             result=ResultParameters(

@@ -17,7 +17,7 @@ CONFIGURED = {
     'max_slope': ('terrain',),
     'max_roughness': ('terrain',),
     'min_range': ('stereo',),
-    'max_range': ('plane_fit', 'stereo', 'terrain', 'rocks', 'regions'),
+    'max_range': ('plane_fit', 'stereo', 'terrain', 'rocks'),
     'min_disparity': ('stereo',),
     'disparity_range': ('stereo', 'study'),
     'correlation_window_size': ('stereo', 'result'),

@@ -73,28 +73,6 @@ def distorted():
     return Case(scene, 'disparity', view.left, right)
 
 
-def hidden_rock_centre():
-    """The right image shows something else than the middle of the dome."""
-    view = render(ROCKS)
-    left, right = view.left.copy(), view.right.copy()
-    rows, columns = np.nonzero(view.surface == 2)
-    row, column = int(rows.mean()), int(columns.mean())
-    left[row - 12 : row + 12, column - 12 : column + 12] = np.median(left[rows, columns])
-    noise = np.random.default_rng(3).integers(0, 256, (28, 48))
-    right[row - 14 : row + 14, column - 40 : column + 8] = noise
-    return Case(ROCKS, 'cues', left, right, DetectorConfig(P1=300.0, P2=1200.0))
-
-
-def dark_patch():
-    """The right image shows something else than a dark patch of ground."""
-    view, generator = render(ROCKS), np.random.default_rng(3)
-    left, right = view.left.copy(), view.right.copy()
-    right[170:220, 100:230] = generator.integers(0, 256, (50, 130))
-    left[170:220, 120:230] = generator.integers(4, 12, (50, 110))
-    config = DetectorConfig(min_seed_points=100_000, P1=300.0, P2=1200.0)
-    return Case(ROCKS, 'cues', left, right, config)
-
-
 CASES = {
     'noise': lambda: Case.of(BLOCK.with_(noise=12.0), 'disparity'),
     'rows': row_off,
@@ -107,8 +85,6 @@ CASES = {
     'outlines': lambda: Case.of(BLOCK, 'rock_probability'),
     'parallax': lambda: Case.of(BLOCK, 'rock_probability'),
     'sight': lambda: Case.of(BLOCK, 'rock_probability'),
-    'regions': hidden_rock_centre,
-    'grey level': dark_patch,
     'doubt': lambda: Case.of(hazard_camera(noise=4.0), 'cues', max_slope=5.0),
 }
 
@@ -144,21 +120,11 @@ def test_result_changes_without_the_stage(stage):
     assert not np.array_equal(getattr(whole, product), getattr(part, product), equal_nan=True)
 
 
-@pytest.mark.parametrize(
-    ('stage', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP), ('regions', Cue.REGION)]
-)
+@pytest.mark.parametrize(('stage', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP)])
 def test_without_a_cue_only_that_cue_is_missing(stage, cue):
     whole, part = detected(stage)
     assert (whole.cues & cue).any()
     np.testing.assert_array_equal(part.cues, whole.cues & ~np.uint8(cue))
-
-
-def test_without_grey_level_the_dark_patch_is_judged_by_sight_alone():
-    whole, part = detected('grey level')
-    dark = (whole.cues & Cue.GREY_LEVEL) > 0
-    by_sight = (part.cues & Cue.GREY_LEVEL) > 0
-    assert not (by_sight & ~dark).any()
-    assert by_sight.sum() < dark.sum()
 
 
 def test_without_rows_nothing_of_the_rectification_is_corrected():
@@ -228,7 +194,7 @@ def test_hybrid_itself_is_the_default():
 def test_ablated_methods_are_made_by_name():
     assert ablated_methods()[:3] == ('hybrid', 'hybrid without noise', 'hybrid without rows')
     assert len(ablated_methods()) == 1 + len(ABLATIONS)
-    assert left_out_stage('hybrid without grey level') == 'grey level'
+    assert left_out_stage('hybrid without slope') == 'slope'
     view = render(BANK)
     method = make_method('hybrid without slope', DetectorConfig(method='study'))
     expected = Detector(BANK.camera, stages=ABLATIONS['slope']).detect(view.left, view.right)

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hand_made import small_detection
 
-from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
@@ -68,16 +68,17 @@ class View:
         disparity[~self.matched] = 0
         height_m = np.where(self.matched, self.measured_m - self.ground_m, np.nan)
         up = Gravity.from_angles(PITCH_DEG).up
-        products = {
-            'grey': self.grey,
-            'disparity': disparity.astype(np.float32),
-            'height': height_m.astype(np.float32),
-            'height_noise': np.full(SHAPE, 0.06, np.float32),
-            'known': self.known & self.matched,
-            'cues': self.cues,
-            'mask': self.mask,
-        }
-        return Detection(CAMERA, DetectorConfig(), GroundPlane(up, CAMERA_HEIGHT_M, up), products)
+        return small_detection(
+            CAMERA,
+            ground=GroundPlane(up, CAMERA_HEIGHT_M, up),
+            grey=self.grey,
+            disparity=disparity.astype(np.float32),
+            height=height_m.astype(np.float32),
+            height_noise=np.full(SHAPE, 0.06, np.float32),
+            known=self.known & self.matched,
+            cues=self.cues,
+            mask=self.mask,
+        )
 
     def causes(self) -> FrameCauses:
         return FrameCauses(self.detection(), self.frame())

@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hand_made import small_detection
 
-from rover_obstacle_detection import Detection, DetectorConfig, StereoCamera
+from rover_obstacle_detection import DetectorConfig, StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.messages.cloud import decode_cloud
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.image import decode_float_image, decode_image
@@ -35,23 +37,21 @@ def detection(disparity=None, mask=None, known=None):
         mask = np.zeros(SHAPE, np.uint8)
         mask[10:14, 10:20] = 255
     rows = np.broadcast_to(np.arange(24, dtype=np.float32)[:, None], SHAPE)
-    return Detection(
-        camera=CAMERA,
-        config=DetectorConfig(min_range=0.5),
+    return small_detection(
+        CAMERA,
+        parameters=DetectorParameters.from_config(DetectorConfig(min_range=0.5)),
         ground=GroundPlane(normal=(0, -1, 0), height_m=1.0, up=(0, -1, 0)),
-        products={
-            'grey': np.full(SHAPE, 90, np.uint8),
-            'disparity': disparity,
-            'regions': np.ones(SHAPE, np.int32),
-            'seeds': np.ones(SHAPE, bool),
-            'roughness': np.full(SHAPE, 0.01, np.float32),
-            'step': np.full(SHAPE, 0.02, np.float32),
-            'height': np.where(disparity > 0, rows / 100, np.nan).astype(np.float32),
-            'height_noise': np.full(SHAPE, 0.02, np.float32),
-            'cues': (mask > 0).astype(np.uint8),
-            'known': disparity > 0 if known is None else known,
-            'mask': mask,
-        },
+        grey=np.full(SHAPE, 90, np.uint8),
+        disparity=disparity,
+        regions=np.ones(SHAPE, np.int32),
+        seeds=np.ones(SHAPE, bool),
+        roughness=np.full(SHAPE, 0.01, np.float32),
+        step=np.full(SHAPE, 0.02, np.float32),
+        height=np.where(disparity > 0, rows / 100, np.nan).astype(np.float32),
+        height_noise=np.full(SHAPE, 0.02, np.float32),
+        cues=(mask > 0).astype(np.uint8),
+        known=disparity > 0 if known is None else known,
+        mask=mask,
     )
 
 
@@ -190,8 +190,7 @@ def test_box_is_more_opaque_with_higher_confidence():
     mask[14:23, 8:24] = 255
     made = detection(mask=mask)
     probability = np.where(np.arange(SHAPE[0])[:, np.newaxis] < 10, 0.5, 0.99)
-    products = {'rock_probability': np.broadcast_to(probability, SHAPE).astype(np.float32)}
-    seen = replace(made, products={**made.products, **products})
+    seen = replace(made, rock_probability=np.full(SHAPE, probability, np.float32))
     large, small = seen.obstacles
     boxes = encode('obstacle_markers', seen).markers[1:3]
     assert large.confidence > small.confidence

@@ -19,8 +19,6 @@ from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, Hyb
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.rectify import Rectified
-from rover_obstacle_detection.detection.regions.completion import slope_beyond_border
-from rover_obstacle_detection.detection.regions.regions import Nearest, nearest_known
 from rover_obstacle_detection.detection.regions.segmentation import reduced_regions
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
@@ -37,6 +35,7 @@ from rover_obstacle_detection.detection.stereo.matching import (
 )
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
 from rover_obstacle_detection.detection.study.products import StudyProducts
+from rover_obstacle_detection.detection.terrain.border import slope_in_border
 from rover_obstacle_detection.detection.terrain.hazards import known_heights, rough_ground
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -95,20 +94,16 @@ def detect_hybrid(
     finished('outlines')
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
     finished('roughness')
-    study = study_products(stereo, p)
-    nearest = nearest_known(terrain.measured, p.regions.reach_m * terrain.pixels_per_metre)
-    steep |= slope_beyond_border(steep, nearest, stereo.disparity, frame.camera, p.regions)
-    near_rock, dark = without_3d(stereo, rocks, nearest, study, p, stages)
-    finished('regions')
+    steep |= slope_in_border(steep, terrain, stereo.disparity, frame.camera, p.terrain)
+    finished('border')
     found = {
         Cue.HEIGHT: rocks.high,
         Cue.SLOPE: steep,
         Cue.DROP: dropped,
         Cue.ROUGHNESS_STEP: rough,
-        Cue.REGION: near_rock,
-        Cue.GREY_LEVEL: dark | rocks.by_sight,
+        Cue.GREY_LEVEL: rocks.by_sight,
     }
-    detection = decided(found, stereo, terrain, rocks, study, p)
+    detection = decided(found, stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction))
     detection = in_left_image(detection, frame)
     finished('mask')
@@ -211,45 +206,11 @@ def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProdu
     )
 
 
-def without_3d(
-    stereo: Stereo,
-    rocks: Rocks,
-    nearest: Nearest,
-    study: StudyProducts,
-    parameters: DetectorParameters,
-    stages: HybridStages,
-) -> tuple[Mask, Mask]:
-    """Find the unmatched pixels that belong to a rock's region, and those in dark regions."""
-    unmatched = stereo.disparity == 0
-    if not unmatched.any():
-        return unmatched, unmatched.copy()
-    near_rock = stages.regions(
-        rocks.high,
-        rocks.probability,
-        unmatched,
-        nearest,
-        study.regions,
-        study.is_seed,
-        parameters.regions,
-    )
-    dark = stages.grey_level(
-        stereo.frame.pair[0],
-        stereo.expected,
-        unmatched,
-        study.regions,
-        study.is_seed,
-        stereo.frame.camera,
-        parameters.regions,
-    )
-    return near_rock, dark
-
-
 def decided(
     found: dict[Cue, Mask],
     stereo: Stereo,
     terrain: Terrain,
     rocks: Rocks,
-    study: StudyProducts,
     parameters: DetectorParameters,
 ) -> Detection:
     """Combine the cues into the detection."""
@@ -271,5 +232,5 @@ def decided(
         cues=cues,
         known=known,
         mask=mask,
-        study=study,
+        study=study_products(stereo, parameters),
     )

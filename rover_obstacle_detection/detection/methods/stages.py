@@ -21,7 +21,6 @@ from rover_obstacle_detection.detection.rectification.rectify import (
 )
 from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
-from rover_obstacle_detection.detection.regions.completion import dark_without_3d, rocks_in_regions
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.detection.result.specks import without_doubtful
 from rover_obstacle_detection.detection.rocks.rocks import Draw, network_outlines
@@ -58,8 +57,6 @@ class HybridStages:
     slope: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = steep_ground
     drop: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = dropping_ground
     outlines: Draw = network_outlines
-    regions: Callable[..., Mask] = rocks_in_regions
-    grey_level: Callable[..., Mask] = dark_without_3d
     doubt: Callable[[Detection], Detection] = without_doubtful
 
 

@@ -1,4 +1,4 @@
-"""Parameters of segmentation and of the judgement by regions."""
+"""Parameters of segmentation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RegionParameters:
-    """How the image is segmented, and what its regions decide.
+    """How the image is segmented into regions.
 
     Parameters
     ----------
@@ -21,8 +21,6 @@ class RegionParameters:
         A region with so many 3D points is a seed region (T1). Set by the user.
     dark_grey_level : float
         Regions without enough 3D points are dark below this mean grey level (T4). Set by the user.
-    max_range_m : float
-        Farther ground is not judged by its grey level. Set by the user.
     reduction : int
         Factor by which the image is reduced before it is segmented. Tuned for speed.
     bandwidth_per_texture : float
@@ -30,17 +28,6 @@ class RegionParameters:
         ground of one kind in one region.
     min_bandwidth_ratio, max_bandwidth_ratio : float
         Limits of that bandwidth over `mean_shift_color_radius`. Tuned on the tuning scenes.
-    reach_m : float
-        Distance to which a rock or slope is continued where nothing is measured. Tuned on the
-        tuning scenes.
-    min_rock_probability : float
-        Regions add no pixels to a rock that the outline filter holds less likely than this. Tuned
-        on the tuning scenes.
-    border_px : float
-        Matches are unreliable within this distance of the right image's left border. Tuned on the
-        tuning scenes.
-    speck_share : float
-        Components with a smaller share of the image are specks. Tuned on the tuning scenes.
     """
 
     mean_shift_spatial_radius_px: float = 15.0
@@ -48,12 +35,7 @@ class RegionParameters:
     min_region_size_px: int = 50
     min_seed_points: int = 10
     dark_grey_level: float = 50
-    max_range_m: float = 40.0
     reduction: int = 4
     bandwidth_per_texture: float = 3.0
     min_bandwidth_ratio: float = 0.25
     max_bandwidth_ratio: float = 2.0
-    reach_m: float = 0.35
-    min_rock_probability: float = 0.3
-    border_px: float = 5
-    speck_share: float = 0.0025

@@ -16,8 +16,6 @@ class Cue(IntFlag):
         The ground is too steep.
     DROP
         The ground lies too far below its rim.
-    REGION
-        It has no match, and belongs to the region of an obstacle beside it.
     GREY_LEVEL
         It has no 3D, and looks like an obstacle in the image.
     ROUGHNESS_STEP
@@ -27,6 +25,5 @@ class Cue(IntFlag):
     HEIGHT = 1
     SLOPE = 2
     DROP = 4
-    REGION = 8
     GREY_LEVEL = 16
     ROUGHNESS_STEP = 32

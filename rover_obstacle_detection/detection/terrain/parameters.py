@@ -156,6 +156,12 @@ class TerrainParameters:
         standard deviations are a step.
     max_ground_noise_share : float
         The same for slope and drop, which average over many pixels.
+    border_reach_m : float
+        Distance to which a slope continues into the left border.
+    border_px : float
+        Matches are unreliable within this distance of the right image's left border.
+    min_border_slope_share : float
+        Share of the image below which a slope does not continue.
     vertical : VerticalParameters
     """
 
@@ -199,4 +205,7 @@ class TerrainParameters:
     roughness_m: float = 0.25
     max_noise_share: float = 0.5
     max_ground_noise_share: float = 1.5
+    border_reach_m: float = 0.35
+    border_px: float = 5
+    min_border_slope_share: float = 0.0025
     vertical: VerticalParameters = field(default_factory=VerticalParameters)

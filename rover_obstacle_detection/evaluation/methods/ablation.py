@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,11 +112,6 @@ def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParamet
     return np.zeros(terrain.height_m.shape, np.bool_)
 
 
-def _no_pixels(first: NDArray[Any], *others: Any) -> Mask:
-    """Find nothing in an image of the first argument's shape."""
-    return np.zeros(first.shape, np.bool_)
-
-
 def _outlines_by_height(
     stereo: Stereo,
     terrain: Terrain,
@@ -132,7 +126,7 @@ def _outlines_by_height(
     near = Standing(standing.parts[window], standing.top_m)
     drawn = half_height_outlines(terrain.within(window), near, parameters.half_height_reach_px)
     outlined = (parameters.outline_probability + parameters.accepted_probability) / 2
-    return np.where(drawn, np.float32(outlined), np.float32(np.nan))
+    return np.where(drawn, np.float32(outlined), np.float32(0))
 
 
 def _outlines_without_parallax(
@@ -177,8 +171,6 @@ ABLATIONS: Mapping[str, HybridStages] = {
     'outlines': replace(HYBRID_STAGES, outlines=_outlines_by_height),
     'parallax': replace(HYBRID_STAGES, outlines=_outlines_without_parallax),
     'sight': replace(HYBRID_STAGES, outlines=_outlines_without_sight),
-    'regions': replace(HYBRID_STAGES, regions=_no_pixels),
-    'grey level': replace(HYBRID_STAGES, grey_level=_no_pixels),
     'doubt': replace(HYBRID_STAGES, doubt=_no_doubt),
 }
 """The hybrid's stages with one of them left out or replaced by something simpler.

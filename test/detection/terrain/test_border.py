@@ -1,0 +1,70 @@
+"""Slopes in the left border, which is not visible in the right image."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.terrain.border import nearest_measured, slope_in_border
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.terrain import Terrain
+
+PARAMETERS = TerrainParameters(border_reach_m=0.12)
+CAMERA = StereoCamera(100, 50, 100.0, 100.0, 49.5, 24.5, 0.1)
+
+
+def continued(steep, measured, disparity, parameters=PARAMETERS):
+    """Continue a slope on ground with 100 pixels in a metre."""
+    height_m = np.where(measured, 0, np.nan).astype(np.float32)
+    even = np.zeros(CAMERA.shape, np.float32)
+    terrain = Terrain(height_m, even, even, np.full(CAMERA.shape, 100, np.float32), ())
+    values = np.where(measured, disparity, 0).astype(np.float32)
+    return slope_in_border(steep, terrain, values, CAMERA, parameters)
+
+
+def continued_columns(steep_columns, disparity=20.0):
+    """Columns of a slope beyond those that are measured, from column 20 on."""
+    steep, measured = np.zeros((2, *CAMERA.shape), bool)
+    measured[:, 20:] = True
+    steep[:, steep_columns] = True
+    found = continued(steep, measured, disparity)
+    assert (found == found[0]).all()
+    return np.flatnonzero(found[0]).tolist()
+
+
+def test_a_slope_continues_within_reach():
+    assert continued_columns(slice(20, 60)) == list(range(8, 20))
+
+
+def test_a_slope_does_not_continue_where_the_right_image_shows_it():
+    # With a smaller disparity, the unmeasured columns are in the right image as well.
+    assert continued_columns(slice(20, 60), disparity=8.0) == list(range(8, 13))
+
+
+def test_a_slope_that_ends_before_the_border_does_not_continue():
+    assert continued_columns(slice(30, 60)) == []
+
+
+def test_specks_of_a_slope_do_not_continue():
+    steep, measured = np.zeros((2, *CAMERA.shape), bool)
+    measured[:, 20:] = True
+    steep[10:13, 20:23] = True
+    assert not continued(steep, measured, 20).any()
+    fine = replace(PARAMETERS, min_border_slope_share=0.001)
+    assert continued(steep, measured, 20, fine).any()
+
+
+def test_each_measured_pixel_has_a_reach_of_its_own():
+    measured = np.array([[True, False, False, False, False, True]])
+    reach_px = np.array([[1, 0, 0, 0, 0, 2.5]], np.float32)
+    pixels, sources = nearest_measured(measured, reach_px)
+    assert dict(zip(pixels.tolist(), sources.tolist(), strict=True)) == {1: 0, 3: 5, 4: 5}
+
+
+def test_without_measured_pixels_there_is_no_nearest():
+    for measured in (np.zeros((2, 3), bool), np.ones((2, 3), bool)):
+        pixels, sources = nearest_measured(measured, np.ones((2, 3), np.float32))
+        assert not pixels.size
+        assert not sources.size
