@@ -1,7 +1,7 @@
 """Train the network that outlines obstacles, and write it into the package.
 
     pip install '.[sim,train]'
-    python scripts/train_outlines.py                                    # takes hours on two cores
+    python scripts/train_outlines.py                                    # rendering, then 3 hours
     python scripts/train_outlines.py --bags BAG... --output model.onnx  # on your own recordings
 
 One command goes from nothing to the file that the detector reads:
@@ -15,7 +15,10 @@ One command goes from nothing to the file that the detector reads:
 
 The weights that come with the package are from an earlier version of this script, which needed
 several runs joined by hand. A run from nothing gives other weights. Compare them with
-``scripts/update_evaluation.py`` before you replace the file.
+``scripts/update_evaluation.py`` before you commit the file.
+
+On a machine with other load, set ``OMP_NUM_THREADS=1``: threads that wait for each other slow the
+training several times.
 """
 
 from __future__ import annotations

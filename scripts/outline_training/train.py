@@ -26,7 +26,7 @@ _IOU_WEIGHT = 0.5
 _SPECK_PX = 50
 """Pixels, of a crop's 25,600, below which a rock counts less."""
 
-_REPORTED_EVERY = 500
+_REPORTED_EVERY = 100
 
 
 def train_from_random_weights(
@@ -63,9 +63,8 @@ def train(
             for _ in range(_BATCH)
         ]
         features, rock, counted = (torch.stack(each) for each in zip(*crops, strict=True))
-        with torch.autocast('cpu', dtype=torch.bfloat16):
-            logits = pixel_logits(net, features.to(memory_format=torch.channels_last))
-        loss = loss_of(logits.float(), rock, counted)
+        logits = pixel_logits(net, features.to(memory_format=torch.channels_last))
+        loss = loss_of(logits, rock, counted)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
