@@ -99,18 +99,8 @@ def measure_evidence(
     ----------
     numbers : ndarray of int32, shape (height, width)
         Number of each pixel's obstacle, 1 to n; 0 where there is none.
-    grey : ndarray of uint8, shape (height, width)
-        Left image.
-    disparity : ndarray of float32, shape (height, width)
-        Pixels; 0 where there is no match.
-    height_m : ndarray of float32, shape (height, width)
-        Above the local ground; NaN where none.
-    noise_m : ndarray of float32, shape (height, width)
-        Standard deviation of the height of a single pixel.
-    rock_probability : ndarray of float32, shape (height, width)
-        Output of the outline network; NaN where it was not applied.
-    cues : ndarray of uint8, shape (height, width)
-        Flags of `Cue`.
+    grey, disparity, height_m, noise_m, rock_probability, cues : ndarray, shape (height, width)
+        As in `Detection`.
     parameters : ResultParameters
     images : ImageParameters
 
@@ -135,7 +125,6 @@ def measure_evidence(
     odds = _log_odds(rock_probability.ravel()[where[by_network]], parameters.max_rock_probability)
     noise_px = seen_disparity_noise_px(disparity, parameters)
     outline = _is_outline(numbers).ravel()[where]
-    edges = edge_strength(grey, images)
     return ObstacleEvidence(
         excess=_excess(
             owner[measured],
@@ -147,14 +136,7 @@ def measure_evidence(
         pixels=pixels,
         measured_share=share(measured),
         agreement=share((own_cues & (own_cues - 1)) > 0),
-        contrast=_contrast(
-            owner[outline],
-            np.divmod(where[outline], grey.shape[1]),
-            edges,
-            count,
-            images.edge_reduction,
-            parameters.faint_contrast,
-        ),
+        contrast=_contrast(owner[outline], where[outline], grey, count, parameters, images),
         raggedness=np.maximum(share(outline) * np.sqrt(pixels), 1.0),
         rock_log_odds=np.bincount(owner[by_network], weights=odds, minlength=count) / pixels,
         ground_share=share((own_cues & np.uint8(Cue.SLOPE | Cue.DROP)) > 0),
@@ -236,18 +218,19 @@ def _is_outline(numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
 
 def _contrast(
     owner: NDArray[np.int32],
-    place: tuple[NDArray[np.intp], NDArray[np.intp]],
-    edges: NDArray[np.float32],
+    where: NDArray[np.intp],
+    grey: NDArray[np.uint8],
     count: int,
-    reduction: int,
-    faint: float,
+    parameters: ResultParameters,
+    images: ImageParameters,
 ) -> Floats:
     """Compare the edges along outlines with those of the image; 1 without an outline."""
-    row, column = place
-    along = edges[row // reduction, column // reduction]
+    edges = edge_strength(grey, images)
+    row, column = np.divmod(where, grey.shape[1])
+    along = edges[row // images.edge_reduction, column // images.edge_reduction]
     pixels = np.bincount(owner, minlength=count)
     sums = np.bincount(owner, along, minlength=count)
     usual = float(np.median(edges[::2, ::2]))
     mean = np.full(count, usual)
     np.divide(sums, pixels, out=mean, where=pixels > 0)
-    return np.asarray((mean + faint) / (usual + faint))
+    return np.asarray((mean + parameters.faint_contrast) / (usual + parameters.faint_contrast))

@@ -88,12 +88,10 @@ def outline_features(
     noise_m = np.minimum(terrain.noise_m[window], max_noise_m)
     step_px = terrain.pixels_per_metre[window] * step_m
     noise_px = stereo.noise_px[window].copy()
-    rows, columns = np.nonzero(~measured)
-    left, right = measured_neighbours(measured, rows, columns)
-    source = np.where(height_m[rows, left] > height_m[rows, right], right, left)
     on_part_around = on_part.copy()
-    for values in (height_m, noise_m, step_px, noise_px, on_part_around, top_m):
-        values[rows, columns] = values[rows, source]
+    _fill_from_lower_side(
+        measured, height_m, (height_m, noise_m, step_px, noise_px, on_part_around, top_m)
+    )
     kernel = np.ones((_TOP_REACH_PX, _TOP_REACH_PX), np.uint8)
     evidence = parallax_evidence(stereo, terrain, parameters.max_step_m, window)
     features = np.empty((len(FEATURES), *measured.shape), np.float32)
@@ -115,6 +113,17 @@ def outline_features(
     ):
         feature[:] = values
     return features
+
+
+def _fill_from_lower_side(
+    measured: NDArray[np.bool_], height_m: Image, images: tuple[Image, ...]
+) -> None:
+    """Give unmeasured pixels the values of the nearest measured one on their row, in place."""
+    rows, columns = np.nonzero(~measured)
+    left, right = measured_neighbours(measured, rows, columns)
+    source = np.where(height_m[rows, left] > height_m[rows, right], right, left)
+    for image in images:
+        image[rows, columns] = image[rows, source]
 
 
 def measured_neighbours(

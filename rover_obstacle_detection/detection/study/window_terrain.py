@@ -7,9 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.moments import Moments, planes_from_moments
 
-# Three points define a plane. The study asks for as many for a step.
 MIN_WINDOW_POINTS = 3
+"""Fewest points that define a plane."""
+
+MIN_SPREAD_PX4 = 1e-6
+"""Determinant of their scatter below which they lie on a line."""
 
 
 def window_roughness(
@@ -109,21 +113,22 @@ def _fit_window_planes(
     """Fit ``d = a du + b dv + c`` around every pixel, and report where there is a solution."""
     valid = (disparity > 0).astype(np.float64)
     data = disparity.astype(np.float64)
-    n, u, v = (_moment(valid, size_px, *powers) for powers in ((0, 0), (1, 0), (0, 1)))
-    uu, uv, vv = (_moment(valid, size_px, *powers) for powers in ((2, 0), (1, 1), (0, 2)))
-    d, ud, vd = (_moment(data, size_px, *powers) for powers in ((0, 0), (1, 0), (0, 1)))
-    with np.errstate(divide='ignore', invalid='ignore'):
-        # Centred on the window's mean, the 3 x 3 system becomes a 2 x 2 one.
-        centred_uu, centred_vv = uu - u * u / n, vv - v * v / n
-        centred_uv = uv - u * v / n
-        centred_ud, centred_vd = ud - u * d / n, vd - v * d / n
-        determinant = centred_uu * centred_vv - centred_uv**2
-        slope_u = (centred_ud * centred_vv - centred_vd * centred_uv) / determinant
-        slope_v = (centred_vd * centred_uu - centred_ud * centred_uv) / determinant
-        level = (d - slope_u * u - slope_v * v) / n
-    solvable = (n > MIN_WINDOW_POINTS - 0.5) & (determinant > 1e-6)
-    plane = tuple(np.where(solvable, part, 0.0) for part in (slope_u, slope_v, level))
-    return plane, solvable
+    moments = Moments(
+        n=_moment(valid, size_px, 0, 0),
+        u=_moment(valid, size_px, 1, 0),
+        v=_moment(valid, size_px, 0, 1),
+        uu=_moment(valid, size_px, 2, 0),
+        uv=_moment(valid, size_px, 1, 1),
+        vv=_moment(valid, size_px, 0, 2),
+        h=_moment(data, size_px, 0, 0),
+        uh=_moment(data, size_px, 1, 0),
+        vh=_moment(data, size_px, 0, 1),
+    )
+    fitted = planes_from_moments(moments)
+    spans = fitted.determinant * moments.n**2 > MIN_SPREAD_PX4
+    solvable = (moments.n > MIN_WINDOW_POINTS - 0.5) & spans
+    parts = fitted.rise_u, fitted.rise_v, fitted.height
+    return tuple(np.where(solvable, part, 0.0) for part in parts), solvable
 
 
 def _moment(

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.geometry.moments import Moments, planes_from_moments
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 Grid = NDArray[np.float32]
 
-_MIN_POSITIVE = np.float32(1e-9)
+_MIN_WEIGHT = np.float32(1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,19 +104,26 @@ def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float, reach: float) 
             np.float32,
         )  # fmt: skip
 
-    n, u, v = blurred(mass, 0, 0), blurred(mass, 1, 0), blurred(mass, 0, 1)
-    uu, uv, vv = blurred(mass, 2, 0), blurred(mass, 1, 1), blurred(mass, 0, 2)
-    h, uh, vh = blurred(moment, 0, 0), blurred(moment, 1, 0), blurred(moment, 0, 1)
-    n = np.maximum(n, _MIN_POSITIVE)
-    mean_u, mean_v, mean_h = u / n, v / n, h / n
+    moments = Moments(
+        n=blurred(mass, 0, 0),
+        u=blurred(mass, 1, 0),
+        v=blurred(mass, 0, 1),
+        uu=blurred(mass, 2, 0),
+        uv=blurred(mass, 1, 1),
+        vv=blurred(mass, 0, 2),
+        h=blurred(moment, 0, 0),
+        uh=blurred(moment, 1, 0),
+        vh=blurred(moment, 0, 1),
+    )
     added = np.float32(ridge * sigma**2)
-    cuu, cvv = uu / n - mean_u**2 + added, vv / n - mean_v**2 + added
-    cuv = uv / n - mean_u * mean_v
-    cuh, cvh = uh / n - mean_u * mean_h, vh / n - mean_v * mean_h
-    determinant = np.maximum(cuu * cvv - cuv**2, _MIN_POSITIVE)
-    rise_u = np.asarray((cuh * cvv - cvh * cuv) / determinant, np.float32)
-    rise_v = np.asarray((cvh * cuu - cuh * cuv) / determinant, np.float32)
-    half, difference = (cuu + cvv) / 2, (cuu - cvv) / 2
-    least = np.maximum(half - np.hypot(difference, cuv) - added, 0)
-    height = mean_h - rise_u * mean_u - rise_v * mean_v
-    return LocalPlanes(height, rise_u, rise_v, n, np.asarray(np.sqrt(least), np.float32))
+    fitted = planes_from_moments(moments, float(added))
+    half = (fitted.variance_u + fitted.variance_v) / 2
+    difference = (fitted.variance_u - fitted.variance_v) / 2
+    least = np.maximum(half - np.hypot(difference, fitted.covariance) - added, 0)
+    return LocalPlanes(
+        fitted.height,
+        fitted.rise_u,
+        fitted.rise_v,
+        np.maximum(moments.n, _MIN_WEIGHT),
+        np.asarray(np.sqrt(least), np.float32),
+    )

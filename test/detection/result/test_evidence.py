@@ -131,12 +131,12 @@ def test_shares_of_cues_and_of_their_agreement():
     cues = np.zeros(SHAPE, np.uint8)
     cues[LARGE] = Cue.HEIGHT
     cues[2:4, 3:13] |= np.uint8(Cue.SLOPE)
-    cues[15, 20:25] = Cue.REGION
+    cues[15, 20:25] = Cue.GREY_LEVEL
     evidence = measure(cues=cues)
     shares = dict(zip(Cue, evidence.cue_shares.T, strict=True))
     assert shares[Cue.HEIGHT] == pytest.approx([1, 0])
     assert shares[Cue.SLOPE] == pytest.approx([0.2, 0])
-    assert shares[Cue.REGION] == pytest.approx([0, 0.5])
+    assert shares[Cue.GREY_LEVEL] == pytest.approx([0, 0.5])
     assert not shares[Cue.DROP].any()
     assert evidence.agreement == pytest.approx([0.2, 0])
 

@@ -26,10 +26,10 @@ def mask_of(*areas):
 
 
 def test_cues_of_an_obstacle_add_up():
-    found = {Cue.HEIGHT: mask_of(ROCK), Cue.SLOPE: mask_of(SLOPE), Cue.REGION: mask_of(ROCK)}
+    found = {Cue.HEIGHT: mask_of(ROCK), Cue.SLOPE: mask_of(SLOPE), Cue.GREY_LEVEL: mask_of(ROCK)}
     cues, mask = combined_cues(found, None, 12)
     expected = np.zeros(SHAPE, np.uint8)
-    expected[ROCK], expected[SLOPE] = Cue.HEIGHT | Cue.REGION, Cue.SLOPE
+    expected[ROCK], expected[SLOPE] = Cue.HEIGHT | Cue.GREY_LEVEL, Cue.SLOPE
     np.testing.assert_array_equal(cues, expected)
     np.testing.assert_array_equal(mask, np.where(expected, OBSTACLE, FREE))
     assert mask.dtype == np.uint8
