@@ -220,15 +220,20 @@ class DetectorConfig:
     )
 
     mean_shift_spatial_radius: float = _parameter(
-        15.0, 'Mean-shift spatial bandwidth (px).', 1.0, 100.0
+        15.0, 'Method study and debug topics: mean-shift spatial bandwidth (px).', 1.0, 100.0
     )
     mean_shift_color_radius: float = _parameter(
-        20.0, 'Mean-shift grey-level bandwidth.', 1.0, 100.0
+        20.0, 'Method study and debug topics: mean-shift grey-level bandwidth.', 1.0, 100.0
     )
     min_region_size: int = _parameter(
-        50, 'Smaller regions are merged into a neighbour (px).', 1, 100000
+        50,
+        'Method study and debug topics: smaller regions are merged into a neighbour (px).',
+        1,
+        100000,
     )
-    min_seed_points: int = _parameter(10, 'Fewest 3D points of a seed region (T1).', 3, 100000)
+    min_seed_points: int = _parameter(
+        10, 'Method study and debug topics: fewest 3D points of a seed region (T1).', 3, 100000
+    )
     window_size: int = _parameter(
         5, 'Side of the window for roughness and elevation step (px, odd).', 3, 31, step=2
     )
@@ -246,7 +251,8 @@ class DetectorConfig:
     )
     dark_grey_level: int = _parameter(
         50,
-        'Mean grey level below which a region without enough 3D points is an obstacle (T4).',
+        'Method study: mean grey level below which a region without enough 3D points is an '
+        'obstacle (T4).',
         0,
         255,
     )

@@ -33,4 +33,5 @@ def edge_strength(grey: NDArray[np.uint8], parameters: ImageParameters) -> NDArr
     across, down = (
         cv2.Sobel(smooth, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1))
     )
-    return np.asarray(cv2.magnitude(across, down), np.float32)
+    # The last bit of cv2.magnitude depends on where its arrays lie in memory.
+    return np.hypot(across, down).astype(np.float32)

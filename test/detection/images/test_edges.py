@@ -36,3 +36,13 @@ def test_strength_of_a_ramp_is_its_slope():
     coarse = edge_strength(grey, replace(PARAMETERS, edge_reduction=3))
     assert coarse.shape == (7, 27)
     assert coarse[:, 5:-5] == pytest.approx(9, abs=0.3)
+
+
+def test_result_does_not_depend_on_memory_alignment():
+    grey = np.random.default_rng(0).integers(0, 256, (203, 317), dtype=np.uint8)
+    expected = edge_strength(grey, PARAMETERS)
+    for offset in range(1, 6):
+        buffer = np.zeros(grey.size + offset, np.uint8)
+        shifted = buffer[offset:].reshape(grey.shape)
+        shifted[:] = grey
+        np.testing.assert_array_equal(edge_strength(shifted, PARAMETERS), expected)
