@@ -21,7 +21,8 @@ def moments_of(u, v, h, weight):
 @pytest.fixture
 def points():
     generator = np.random.default_rng(1)
-    return generator.normal(size=(3, 40)) + [[2.0], [-1.0], [0.0]], generator.uniform(size=40)
+    centre = np.array([[2.0], [-1.0], [0.0]])
+    return centre + generator.normal(size=(3, 40)), generator.uniform(size=40)
 
 
 def test_plane_is_recovered(points):
