@@ -322,7 +322,7 @@ def test_stages_are_reported_as_they_end(method):
     view = render(SCENE)
     found = detector(method=method).detect(view.left, view.right, on_stage=stages.append)
     in_order = {
-        'hybrid': ['grey', 'disparity', 'local ground', 'outlines', 'regions', 'mask'],
+        'hybrid': ['grey', 'disparity', 'local ground', 'outlines', 'border', 'mask'],
         'study': ['grey', 'disparity', 'segmentation', 'terrain', 'decision', 'morphology'],
     }
     assert [stage for stage in stages if stage in in_order[method]] == in_order[method]

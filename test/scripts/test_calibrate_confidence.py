@@ -51,12 +51,12 @@ def weights_of(**given):
 
 
 TRUE = weights_of(
-    intercept=-1, log_excess=0.7, log_pixels=0.5, log_raggedness=-0.8, region_share=-0.3
+    intercept=-1, log_excess=0.7, log_pixels=0.5, log_raggedness=-0.8, slope_share=-0.3
 )
 
 
 def test_fit_recovers_the_weights(script):
-    found = script.fit(samples(script, TRUE), ridge=1)
+    found = script.fit(samples(script, TRUE, 80_000), ridge=1)
     assert found == pytest.approx(TRUE, abs=0.1)
 
 
