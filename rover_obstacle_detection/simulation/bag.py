@@ -114,6 +114,6 @@ def _camera_info(frame: Frame, side: str, header: Any, factory: Any) -> Any:
         distortion_model='plumb_bob',
         d=np.zeros(5),
         k=np.array(k, np.float64),
-        r=np.eye(3).reshape(-1),
+        r=np.identity(3).reshape(-1),
         p=np.array(p, np.float64),
     )

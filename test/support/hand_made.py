@@ -87,7 +87,7 @@ def camera_info(factory, header, side, camera=CAMERA, **changes):
         'distortion_model': 'plumb_bob',
         'd': np.zeros(5),
         'k': np.array((fx, 0, cx, 0, fy, cy, 0, 0, 1), np.float64),
-        'r': np.eye(3).ravel(),
+        'r': np.identity(3).ravel(),
         'p': np.array((fx, 0, cx, shift, 0, fy, cy, 0, 0, 0, 1, 0), np.float64),
         **changes,
     }

@@ -143,7 +143,7 @@ class Overload:
     frame_s: float
     sent: int
     received: int
-    """Images of both eyes."""
+    """Left and right images."""
     pairs: int
     lost: int
     dropped: int

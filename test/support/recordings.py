@@ -42,9 +42,9 @@ class Recorded(NamedTuple):
     time_ns: int
 
 
-def pixels(number, eye='left'):
-    """Build an image that no other frame or eye has."""
-    seed = 2 * number + (eye == 'right')
+def pixels(number, side='left'):
+    """Build an image that no other frame or side has."""
+    seed = 2 * number + (side == 'right')
     return np.random.default_rng(seed).integers(0, 255, (HEIGHT, WIDTH), np.uint8)
 
 
@@ -61,12 +61,12 @@ def compressed(array, stamp_ns, factory=ROS2, extension='.png'):
     )
 
 
-def info(eye, stamp_ns, factory=ROS2, *, focal=40.0, baseline=0.1, size=(WIDTH, HEIGHT), d=()):
-    shift = -focal * baseline if eye == 'right' else 0.0
+def info(side, stamp_ns, factory=ROS2, *, focal=40.0, baseline=0.1, size=(WIDTH, HEIGHT), d=()):
+    shift = -focal * baseline if side == 'right' else 0.0
     matrices = {
         'd': np.asarray(d, np.float64),
         'k': np.array([focal, 0, 15.5, 0, focal, 11.5, 0, 0, 1]),
-        'r': np.eye(3).reshape(-1),
+        'r': np.identity(3).reshape(-1),
         'p': np.array([focal, 0, 15.5, shift, 0, focal, 11.5, 0, 0, 0, 1, 0]),
     }
     if factory is ROS1:
@@ -92,18 +92,18 @@ def stereo_messages(
     gap_ns=0,
     **calibration,
 ):
-    """List the messages of a stereo camera; the right eye's stamps are `gap_ns` later."""
+    """List the messages of a stereo camera; the right image's stamps are `gap_ns` later."""
     messages = []
     for number in range(frames):
-        for eye in ('left', 'right'):
-            stamp = START_NS + number * FRAME_NS + (gap_ns if eye == 'right' else 0)
+        for side in ('left', 'right'):
+            stamp = START_NS + number * FRAME_NS + (gap_ns if side == 'right' else 0)
             make, type_name = (compressed, COMPRESSED) if is_compressed else (image, IMAGE)
-            topic = f'{namespace}/{eye}/{name}' + ('/compressed' if is_compressed else '')
-            shown = make(pixels(number, eye), stamp, factory)
+            topic = f'{namespace}/{side}/{name}' + ('/compressed' if is_compressed else '')
+            shown = make(pixels(number, side), stamp, factory)
             messages.append(Recorded(topic, type_name, shown, stamp))
             if with_info:
-                about = info(eye, stamp, factory, **calibration)
-                messages.append(Recorded(f'{namespace}/{eye}/camera_info', INFO, about, stamp))
+                about = info(side, stamp, factory, **calibration)
+                messages.append(Recorded(f'{namespace}/{side}/camera_info', INFO, about, stamp))
     return messages
 
 
