@@ -43,8 +43,8 @@ EPILOG = """\
 examples:
   rover-obstacles tune suite/* --output tuned.yaml
   rover-obstacles tune day1/ day2/ day3/ --folds 3 --output tuned.yaml --params rover.yaml
-  rover-obstacles tune a/ b/ --held-out c/ -o tuned.yaml --parameter dark_grey_level \\
-      --range dark_grey_level=10:80 --trials 20
+  rover-obstacles tune a/ b/ --held-out c/ -o tuned.yaml --parameter core_noises \\
+      --range core_noises=0:4 --trials 20
   rover-obstacles replay traverse.mcap --params tuned.yaml --output result
 """
 LOGGER = logging.getLogger(__name__)
@@ -194,7 +194,7 @@ def _range(text: str) -> tuple[str, tuple[float, float]]:
     try:
         low, high = map(float, bounds.split(':'))
     except ValueError as error:
-        msg = f'{text!r}: expected NAME=LOW:HIGH, such as dark_grey_level=10:80'
+        msg = f'{text!r}: expected NAME=LOW:HIGH, such as core_noises=0:4'
         raise argparse.ArgumentTypeError(msg) from error
     return name, (low, high)
 
@@ -232,7 +232,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _options(arguments: argparse.Namespace, start: DetectorConfig) -> TuneOptions:
-    from rover_obstacle_detection.tuning.space import ROVER_LIMITS, search_ranges
+    from rover_obstacle_detection.tuning.space import (
+        ROVER_LIMITS,
+        check_read_by,
+        search_ranges,
+    )
     from rover_obstacle_detection.tuning.tune import TuneOptions
 
     if start.method != 'hybrid' and not arguments.parameters:
@@ -240,6 +244,7 @@ def _options(arguments: argparse.Namespace, start: DetectorConfig) -> TuneOption
         raise ConfigurationError(f'{msg} with --parameter')
     try:
         ranges = search_ranges(arguments.parameters, dict(arguments.ranges))
+        check_read_by(start.method, ranges)
     except ConfigurationError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
     for name in ranges:

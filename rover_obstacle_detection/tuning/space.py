@@ -9,7 +9,7 @@ from typing import Any
 
 from optuna.distributions import FloatDistribution, IntDistribution
 
-from rover_obstacle_detection.detection.config import DetectorConfig, ParameterDescription
+from rover_obstacle_detection.detection.config import METHODS, DetectorConfig, ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError
 
 Bounds = tuple[float, float]
@@ -98,6 +98,27 @@ def search_range(name: str, bounds: Bounds | None = None) -> Any:
     if whole:
         return IntDistribution(low, high, log=log, step=description.step or 1)
     return FloatDistribution(low, high, log=log)
+
+
+def check_read_by(method: str, names: Collection[str]) -> None:
+    """Check that a method reads the parameters. Tuning others would change nothing.
+
+    Parameters
+    ----------
+    method : str
+    names : collection of str
+        Names of `DetectorConfig` fields.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming a parameter that only the other method reads.
+    """
+    others = tuple(f'Method {other}' for other in METHODS if other != method)
+    for each in DetectorConfig.parameters():
+        if each.name in names and each.description.startswith(others):
+            msg = f'method {method} does not read {each.name}: choose another parameter'
+            raise ConfigurationError(f'{msg} or set another method')
 
 
 def start_value(config: DetectorConfig, name: str) -> float:

@@ -18,6 +18,7 @@ from rover_obstacle_detection.tuning import space
 from rover_obstacle_detection.tuning.space import (
     ROVER_LIMITS,
     TUNED_BY_DEFAULT,
+    check_read_by,
     range_text,
     rounded,
     search_range,
@@ -97,6 +98,16 @@ def test_unbounded_parameter_needs_a_range(monkeypatch: pytest.MonkeyPatch) -> N
 def test_range_of_a_parameter_that_is_not_tuned_is_refused() -> None:
     with pytest.raises(ConfigurationError, match='add --parameter speckle_range'):
         search_ranges(['P1'], {'speckle_range': (1, 2)})
+
+
+def test_parameters_of_the_other_method_are_refused() -> None:
+    for method in ('hybrid', 'study'):
+        check_read_by(method, ['max_step', 'speckle_size', 'P1'])
+    check_read_by('hybrid', TUNED_BY_DEFAULT)
+    check_read_by('study', ['study_max_step', 'min_seed_points'])
+    for method, name in (('hybrid', 'min_seed_points'), ('study', 'outline_probability')):
+        with pytest.raises(ConfigurationError, match=f'method {method} does not read {name}'):
+            check_read_by(method, ['max_step', name])
 
 
 @given(st.floats(0.1, 2.0))

@@ -99,7 +99,8 @@ def test_worse_held_out_score_warns_and_still_writes_the_file(
 
     monkeypatch.setattr('rover_obstacle_detection.tuning.tune.figures_of', figures_of)
     file = tmp_path / 'tuned.yaml'
-    assert tune(*bags, '--held-out', bags[2], '-o', file, '--parameter', 'dark_grey_level') == 0
+    study = ('--set', 'method=study', '--parameter', 'dark_grey_level')
+    assert tune(*bags, '--held-out', bags[2], '-o', file, *study) == 0
     assert load_config(file).dark_grey_level > 50
     error = capsys.readouterr().err
     assert 'WARNING: On the held-out bags the tuned parameters are worse' in error
@@ -250,6 +251,14 @@ def test_usage_error_names_what_is_expected(
         (('--parameter', 'method'), 'method is not a number'),
         (('--range', 'dark_grey_level=10:80'), 'add --parameter dark_grey_level'),
         (('--range', 'speckle_size=10:-9'), 'speckle_size is -9: expected'),
+        (
+            ('--parameter', 'max_step', '--parameter', 'dark_grey_level'),
+            'method hybrid does not read dark_grey_level',
+        ),
+        (
+            ('--set', 'method=study', '--parameter', 'core_noises'),
+            'method study does not read core_noises',
+        ),
     ],
 )
 def test_invalid_search_space_is_a_usage_error(
