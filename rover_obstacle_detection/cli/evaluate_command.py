@@ -36,7 +36,7 @@ methods:
 EPILOG = """\
 examples:
   rover-obstacles evaluate bags/mars_yard
-  rover-obstacles evaluate suite/reporting_* --method all --report report.html --json figures.json
+  rover-obstacles evaluate suite/report_* --method all --report report.html --json figures.json
   rover-obstacles evaluate bag/ --method hybrid --method study --set max_step=0.15
 """
 ALL = 'all'
@@ -84,7 +84,7 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest='conditions',
         help='condition of all bags, for the tables; may be repeated (default: from /truth/scene '
-        'or the name of the bag: low_sun for reporting_03_low_sun)',
+        'or the name of the bag: vga_noon for report_vga_noon)',
     )
 
 

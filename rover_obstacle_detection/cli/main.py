@@ -30,7 +30,7 @@ INTERRUPTED = 130
 TERMINATED = 143
 
 DESCRIPTION = """\
-Detect rocks, ledges, drops and steep slopes in stereo images of planetary terrain.
+Detect rocks, steep slopes and hollows in stereo images of planetary terrain.
 """
 EPILOG = """\
 For help on a command: rover-obstacles replay --help

@@ -253,7 +253,7 @@ class FrameCauses:
         counts = {cue: int(np.count_nonzero(cues & cue)) for cue in Cue}
         best = max(counts, key=lambda cue: counts[cue])
         if not counts[best]:
-            return 'flagged by outline alone'
+            return 'flagged by the morphology alone'
         return f'flagged by {str(best.name).lower().replace("_", " ")}'
 
     def _touches_rock(self, inside: NDArray[np.bool_]) -> bool:

@@ -163,7 +163,7 @@ def scene_names(paths: Sequence[Path]) -> list[str]:
 
 
 def condition_in(scene: str) -> str:
-    """Return a scene's name without prefixes such as ``reporting_`` and ``07_``."""
+    """Return a scene's name without prefixes such as ``report_`` and ``07_``."""
     return _PREFIX.sub('', scene) or scene
 
 

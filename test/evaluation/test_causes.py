@@ -251,7 +251,7 @@ def test_unexplained_false_alarm_is_noise() -> None:
         .fault()
         .startswith(
             'noise (disparity off by +0.0 px, 10 % of it by over 0.0 px, '
-            'flagged by outline alone, measured height 0 cm'
+            'flagged by the morphology alone, measured height 0 cm'
         )
     )
 

@@ -26,8 +26,8 @@ def evaluation() -> Evaluation:
         scenes=(
             result('hybrid', 'noon', 80, *far, rocks_found=3),
             result('hybrid', 'moon', 60, Fault('false alarm', 900, 2.0), far[0], false_alarms=1),
-            result('hybrid without regions', 'noon', 70, rocks_found=2),
-            result('hybrid without regions', 'moon', 50),
+            result('hybrid without slope', 'noon', 70, rocks_found=2),
+            result('hybrid without slope', 'moon', 50),
         )
     )
 
@@ -35,7 +35,7 @@ def evaluation() -> Evaluation:
 def test_ablation_shows_what_each_stage_contributes() -> None:
     assert ablation_table(evaluation(), 'hybrid').rows == [
         ('hybrid', '0.700', '+0.000', '3/8', '0.50', 'in moon: 0.600'),
-        ('hybrid without regions', '0.600', '-0.100', '2/8', '0.00', 'in moon: 0.500'),
+        ('hybrid without slope', '0.600', '-0.100', '2/8', '0.00', 'in moon: 0.500'),
     ]
 
 

@@ -37,7 +37,7 @@ USE_CLEARANCE = ('hybrid', 'wang', 'depth_only', 'patchwork', 'cloth')
 
 
 def make_method(name: str, config: DetectorConfig | None = None) -> Method:
-    """Make a method by name, or the hybrid without a stage: ``hybrid without regions``.
+    """Make a method by name, or the hybrid without a stage: ``hybrid without slope``.
 
     Raises
     ------
