@@ -74,7 +74,7 @@ def regions_picture(detection: Detection) -> Picture:
 
 
 def seeds_picture(detection: Detection) -> Picture:
-    """Draw regions classified by 3D points in teal, those with too few points in orange."""
+    """Draw seed regions, which have enough 3D points, in teal and all others in orange."""
     seeds = detection.seeds
     grey = _as_bgr(detection.grey)
     picture = _tinted(grey, seeds, TEAL, 0.45)

@@ -122,9 +122,9 @@ def _regions_key(detection: Detection) -> Sequence[KeyItem]:
 def _seeds_key(detection: Detection) -> Sequence[KeyItem]:
     return (
         pictures.TEAL,
-        'seed region: classified by 3D points',
+        'seed region (enough 3D points)',
         pictures.ORANGE,
-        'too few 3D points: classified by grey level',
+        'too few 3D points (method study: judged by grey level)',
     )
 
 
