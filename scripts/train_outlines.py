@@ -4,7 +4,7 @@
     python scripts/train_outlines.py                                    # rendering, then 3 hours
     python scripts/train_outlines.py --bags BAG... --output model.onnx  # on your own recordings
 
-One command goes from nothing to the file that the detector reads:
+One command renders, trains, exports and checks the network:
 
 1. It renders the suite `training`, unless the cache has it, and computes the features of each
    frame as the detector does.
@@ -13,9 +13,8 @@ One command goes from nothing to the file that the detector reads:
 4. It prints the IoU of rocks on scenes that it was not trained on: thirty of the suite `training`,
    and the ``tune_*`` scenes of the standard suite. It never reads the ``report_*`` scenes.
 
-The weights that come with the package are from an earlier version of this script, which needed
-several runs joined by hand. A run from nothing gives other weights. Compare them with
-``scripts/update_evaluation.py`` before you commit the file.
+A run from random weights does not reproduce the shipped file, which was trained in several runs.
+Compare both with ``scripts/update_evaluation.py``.
 
 On a machine with other load, set ``OMP_NUM_THREADS=1``: threads that wait for each other slow the
 training several times.
@@ -42,7 +41,7 @@ MODEL = Path(outline_model.__file__).with_name(outline_model.MODEL_FILE)
 STEPS = 30_000
 HELD_OUT_SCENES = 'train_21[5-7]*'
 HELD_OUT_BAG = 10
-"""Of the given bags, each tenth is held out."""
+"""Of the given bags, every tenth is held out."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -56,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         type=Path,
         nargs='+',
         metavar='BAG',
-        help='train on these labelled bags instead of the suite; each tenth is held out',
+        help='train on these labelled bags instead of the suite; every tenth is held out',
     )
     parser.add_argument(
         '--output', type=Path, default=MODEL, help="ONNX file to write (default: the package's)"

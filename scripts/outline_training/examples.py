@@ -44,7 +44,7 @@ class Example:
         Pixels labelled as rock.
     counted : Tensor of bool, shape (height, width)
         Pixels labelled as rock or as free. The detector finds slopes and drops by other means, so
-        the network may say anything there.
+        its output there does not matter.
     places : ndarray of int, shape (n, 2)
         Rows and columns on rocks, and on whatever else stands up.
     """
