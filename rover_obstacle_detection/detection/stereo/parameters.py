@@ -38,8 +38,8 @@ class StereoParameters:
     coarse_reduction : int
         Full-size pixels in the side of a pixel of the coarse match. Tuned for speed.
     min_coarse_width_px : int
-        Smaller images are reduced less: SGBM pulls disparities to whole pixels, which leaves
-        nothing of two or three of them. Tuned on the tuning scenes.
+        Smaller images are reduced less. SGBM is biased to whole pixels, and their disparity is
+        only two or three pixels. Tuned on the tuning scenes.
     coarse_p1, coarse_p2 : int
         Penalties of the coarse match. Tuned on the tuning scenes.
     tail_share : float
