@@ -109,8 +109,8 @@ def image_penalties(
     """Choose SGBM's penalties by the contrast of the image, unless the user set them.
 
     The cost of a false match grows with the grey level's gradient and the size of the block. A
-    penalty must keep pace, or hazy images are over-smoothed and crisp ones fragmented. Where noise hides the
-    texture, costs say less and smoothness must count more.
+    penalty must keep pace, or hazy images are over-smoothed and crisp ones fragmented. Where noise
+    hides the texture, costs say less and smoothness must count more.
 
     Parameters
     ----------
