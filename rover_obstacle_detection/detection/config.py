@@ -146,10 +146,13 @@ class DetectorConfig:
         0.0, 'Height of the left camera above the ground (m); 0: unknown.', 0.0, 100.0
     )
 
-    min_disparity: int = _parameter(0, 'Smallest disparity searched (px).', -2048, 2048)
+    min_disparity: int = _parameter(
+        0, 'Smallest disparity searched (px; hybrid: in the coarse match).', -2048, 2048
+    )
     disparity_range: int = _parameter(
         0,
-        'Disparities searched (px, multiple of 16); 0: from the camera and min_range (study: 48).',
+        'Disparities searched (px, multiple of 16; hybrid: in the coarse match); 0: from the '
+        'camera and min_range (study: 48).',
         0,
         4096,
         step=16,
@@ -235,7 +238,12 @@ class DetectorConfig:
         10, 'Method study and debug topics: fewest 3D points of a seed region (T1).', 3, 100000
     )
     window_size: int = _parameter(
-        5, 'Side of the window for roughness and elevation step (px, odd).', 3, 31, step=2
+        5,
+        'Method study and debug topics: side of the window for roughness and elevation step '
+        '(px, odd).',
+        3,
+        31,
+        step=2,
     )
     study_max_roughness: float = _parameter(
         0.0005,

@@ -36,6 +36,8 @@ class Detector:
         True where the left image shows the rover itself: never judged, never an obstacle.
     stages : HybridStages, optional
         Stages of the hybrid method, to replace some of them.
+    parameters : DetectorParameters, optional
+        Parameters of all stages, instead of a configuration.
 
     Raises
     ------
@@ -51,6 +53,7 @@ class Detector:
         config: DetectorConfig | None = None,
         rover_mask: NDArray[np.bool_] | None = None,
         stages: HybridStages = HYBRID_STAGES,
+        parameters: DetectorParameters | None = None,
     ) -> None:
         if min(camera.shape) < MIN_SIDE_PX:
             msg = (
@@ -59,7 +62,8 @@ class Detector:
             )
             raise CameraError(msg)
         self.camera = camera
-        self.config = config or DetectorConfig()
+        self._parameters = parameters or DetectorParameters.from_config(config or DetectorConfig())
+        self.config = self._parameters.config
         if rover_mask is not None and rover_mask.shape != camera.shape:
             msg = (
                 f'rover mask has shape {rover_mask.shape}: expected {camera.shape}, the height '
@@ -67,7 +71,6 @@ class Detector:
             )
             raise ImageError(msg)
         self.rover_mask = rover_mask
-        self._parameters = DetectorParameters.from_config(self.config)
         self._stages = stages
 
     def detect(

@@ -21,7 +21,7 @@ class DetectorParameters:
     """The parameters of all stages, one object for each sub-package.
 
     A user sets a `DetectorConfig`. An experiment that changes anything else replaces a field here
-    and calls the method itself, such as `methods.hybrid.detect_hybrid`.
+    and gives the result to the `Detector`.
     """
 
     config: DetectorConfig
@@ -46,7 +46,6 @@ class DetectorParameters:
             rectification=RectificationParameters(),
             stereo=StereoParameters(
                 min_range_m=c.min_range,
-                max_range_m=c.max_range,
                 min_disparity_px=c.min_disparity,
                 disparity_range_px=c.disparity_range,
                 block_size_px=c.block_size,
@@ -78,7 +77,6 @@ class DetectorParameters:
                 mean_shift_color_radius=c.mean_shift_color_radius,
                 min_region_size_px=c.min_region_size,
                 min_seed_points=c.min_seed_points,
-                dark_grey_level=c.dark_grey_level,
             ),
             study=_study_parameters(config),
             result=ResultParameters(
@@ -95,8 +93,10 @@ def _study_parameters(config: DetectorConfig) -> StudyParameters:
     return StudyParameters(
         disparities=config.disparity_range or default.disparities,
         window_size_px=config.window_size,
-        study_max_roughness_m=config.study_max_roughness,
-        study_max_step_m=config.study_max_step,
+        max_range_m=config.max_range,
+        max_roughness_m=config.study_max_roughness,
+        max_step_m=config.study_max_step,
+        dark_grey_level=config.dark_grey_level,
         morphology_size_px=config.morphology_size,
         morphology_iterations=config.morphology_iterations,
     )

@@ -17,7 +17,7 @@ CONFIGURED = {
     'max_slope': ('terrain',),
     'max_roughness': ('terrain',),
     'min_range': ('stereo',),
-    'max_range': ('plane_fit', 'stereo', 'terrain', 'rocks'),
+    'max_range': ('plane_fit', 'terrain', 'rocks', 'study'),
     'min_disparity': ('stereo',),
     'disparity_range': ('stereo', 'study'),
     'correlation_window_size': ('stereo', 'result'),
@@ -41,7 +41,7 @@ CONFIGURED = {
     'window_size': ('study',),
     'study_max_roughness': ('study',),
     'study_max_step': ('study',),
-    'dark_grey_level': ('regions',),
+    'dark_grey_level': ('study',),
     'morphology_size': ('study',),
     'morphology_iterations': ('study',),
 }

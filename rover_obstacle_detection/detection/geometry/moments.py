@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-_MIN_WEIGHT = np.float32(1e-9)
+MIN_WEIGHT = np.float32(1e-9)
 _MIN_DETERMINANT = np.float32(1e-9)
 
 
@@ -73,7 +73,7 @@ def planes_from_moments(moments: Moments, ridge: float = 0.0) -> FittedPlanes:
     Relative to the mean of the points, the 3 x 3 normal equations become a 2 x 2 system.
     """
     m = moments
-    n = np.maximum(m.n, _MIN_WEIGHT)
+    n = np.maximum(m.n, MIN_WEIGHT)
     mean_u, mean_v, mean_h = m.u / n, m.v / n, m.h / n
     added = np.float32(ridge)
     cuu, cvv = m.uu / n - mean_u**2 + added, m.vv / n - mean_v**2 + added

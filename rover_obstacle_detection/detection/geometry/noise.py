@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 def height_noise_m(
     disparity: NDArray[np.float32],
-    height_m: float | NDArray[np.float32],
+    descent_m: float | NDArray[np.float32],
     noise_px: float | NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Estimate the standard deviation of the height above the ground, metres.
@@ -17,8 +17,8 @@ def height_noise_m(
     ----------
     disparity : ndarray of float32, shape (height, width)
         Pixels; 0 where there is no match.
-    height_m : float or ndarray of float32, shape (height, width)
-        Height of the left camera above the ground plane, or above each point.
+    descent_m : float or ndarray of float32, shape (height, width)
+        How far the ray descends from the left camera to the ground (`lever_m` of the terrain).
     noise_px : float or ndarray of float32, shape (height, width)
         Standard deviation of the disparity, pixels.
 
@@ -33,4 +33,4 @@ def height_noise_m(
     The ray descends by ``h`` to the ground: ``sigma_H = h sigma_d / d = h sigma_d Z / (fx B)``.
     """
     with np.errstate(divide='ignore'):
-        return np.asarray(height_m * noise_px / disparity, np.float32)
+        return np.asarray(descent_m * noise_px / disparity, np.float32)

@@ -31,7 +31,7 @@ class PlaneFitParameters:
         With fewer points no plane is fitted. Tuned on the tuning scenes.
     min_sample_area_px2 : float
         Candidates through three points that span a smaller triangle in the image are skipped, as
-        these are nearly collinear.
+        these are nearly collinear. Derived: half a pixel of area.
     refinements : int
         Steps of reweighted least squares. Tuned on the tuning scenes.
     max_deviation : float
@@ -51,7 +51,8 @@ class PlaneFitParameters:
     max_slope_deg : float
         Greatest slope of the plane, with known gravity. Derived: steeper than any rover stands on.
     default_height_m : float
-        Height of the camera where neither matches nor the mounting give it.
+        Height of the camera where neither matches nor the mounting give it. A guess, so that
+        heights have a scale.
     """
 
     tolerance_m: float = 0.05

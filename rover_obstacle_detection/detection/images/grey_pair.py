@@ -50,6 +50,12 @@ def equalized(pair: GreyPair) -> GreyPair:
 
 
 def _check(name: str, image: NDArray[Any], camera: StereoCamera) -> None:
+    if not isinstance(image, np.ndarray):
+        msg = (
+            f'{name} image is {type(image).__name__}: expected an array (cv2.imread returns None '
+            'for a file that it cannot read)'
+        )
+        raise ImageError(msg)
     if image.dtype not in (np.uint8, np.uint16):
         msg = f'{name} image has type {image.dtype}: expected uint8 or uint16'
         raise ImageError(msg)

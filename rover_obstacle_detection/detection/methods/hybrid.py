@@ -132,8 +132,9 @@ def measure(
     finished('noise')
     coarse = match_coarsely(frame, p, stages)
     straight = coarse.correction.straightened(frame)
+    coarse = without_rover(coarse, straight.rover_mask)
     finished('coarse disparity')
-    ground = coarse_ground(coarse, straight, p)
+    ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, frame.gravity)
     finished('ground plane')
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
     terrain = stages.survey(stereo, p.terrain)
@@ -154,11 +155,12 @@ def match_coarsely(
     return stages.rectify(reduced, matcher, parameters.rectification)
 
 
-def coarse_ground(coarse: Rectified, frame: Frame, parameters: DetectorParameters) -> GroundPlane:
-    """Estimate the ground plane from the coarse disparity, without the rover."""
-    if frame.rover_mask is not None:
-        coarse.disparity[reduced_mask(frame.rover_mask, coarse.disparity.shape)] = 0
-    return estimate_ground(coarse.disparity, coarse.camera, parameters.plane_fit, frame.gravity)
+def without_rover(coarse: Rectified, rover_mask: Mask | None) -> Rectified:
+    """Remove the matches on the rover itself."""
+    if rover_mask is None:
+        return coarse
+    rover = reduced_mask(rover_mask, coarse.disparity.shape)
+    return replace(coarse, disparity=np.where(rover, np.float32(0), coarse.disparity))
 
 
 def match(
@@ -194,15 +196,19 @@ def match(
 
 
 def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProducts:
-    """Prepare the study's intermediate results, which are computed on first access."""
+    """Prepare the study's intermediate results for the debug topics.
+
+    They are computed on first access, and regions at a fraction of the resolution.
+    """
+    p = parameters
     return StudyProducts(
-        stereo.frame.pair[0],
-        stereo.disparity,
-        stereo.frame.camera,
-        stereo.ground.up_vector,
-        partial(reduced_regions, parameters=parameters.regions, images=parameters.images),
-        parameters.study,
-        parameters.regions.min_seed_points,
+        grey=stereo.frame.pair[0],
+        disparity=stereo.disparity,
+        camera=stereo.frame.camera,
+        up=stereo.ground.up_vector,
+        segment=partial(reduced_regions, parameters=p.regions, images=p.images),
+        study=p.study,
+        min_seed_points=p.regions.min_seed_points,
     )
 
 

@@ -49,13 +49,13 @@ def detect_as_study(
     ground = estimate_ground(disparity, camera, parameters.plane_fit, frame.gravity)
     finished('ground')
     products = StudyProducts(
-        grey,
-        disparity,
-        camera,
-        ground.up_vector,
-        partial(segment_as_study, parameters=parameters.regions),
-        study,
-        parameters.regions.min_seed_points,
+        grey=grey,
+        disparity=disparity,
+        camera=camera,
+        up=ground.up_vector,
+        segment=partial(segment_as_study, parameters=parameters.regions),
+        study=study,
+        min_seed_points=parameters.regions.min_seed_points,
     )
     elevation_m = products.elevation_m
     finished('reprojection')
@@ -67,7 +67,7 @@ def detect_as_study(
     finished('terrain')
     rough = exceeds_terrain_limits(roughness, step, disparity, elevation_m, study)
     rough &= products.seeds
-    dark = dark_regions(grey, regions, is_seed, parameters.regions.dark_grey_level)
+    dark = dark_regions(grey, regions, is_seed, study.dark_grey_level)
     cues = np.uint8(Cue.ROUGHNESS_STEP) * rough + np.uint8(Cue.GREY_LEVEL) * dark[regions]
     finished('decision')
     mask = close_then_open(
@@ -110,7 +110,7 @@ def match_as_study(
     penalties = chosen_penalties(stereo, Penalties(study.step_penalty, study.jump_penalty))
     matched = plain_disparity(*frame.pair, frame.camera, study.disparities, penalties, stereo)
     disparity = np.asarray(cv2.medianBlur(matched, study.median_window_px), np.float32)
-    disparity[disparity < frame.camera.disparity_at(stereo.max_range_m)] = 0
+    disparity[disparity < frame.camera.disparity_at(study.max_range_m)] = 0
     if frame.rover_mask is not None:
         disparity[frame.rover_mask] = 0
     return disparity

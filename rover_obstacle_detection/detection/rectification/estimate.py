@@ -59,10 +59,10 @@ def estimate_rectification(
     is eliminated first.
 
     Distortion moves rows in the corners and columns at the sides, where it makes flat ground fall
-    away. Both follow from the same coefficients, so rows alone show how to straighten columns. A
-    right camera turned sideways or upwards bends rows too: it is estimated apart, lest it be
-    taken for distortion, but not corrected. Different focal lengths, and cameras that sit at
-    different heights, are taken for distortion.
+    away. Both follow from the same coefficients, so rows alone show how to straighten columns.
+    Yaw and pitch of the right camera bend rows too. They are estimated so that they do not bias
+    the distortion, but they are not corrected. Differences in focal length or in height between
+    the cameras are absorbed as distortion.
     """
     parameters, camera, reduction = known.parameters, reduced.camera, reduced.reduction
     if np.count_nonzero(disparity) < parameters.min_matched_pixels:

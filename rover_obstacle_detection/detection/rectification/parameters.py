@@ -37,8 +37,8 @@ class RectificationParameters:
         Less distortion is not corrected, since resampling costs more than it gains: mean over the
         image, pixels of the full image. Measured on rendered pairs.
     match_reach_px : int
-        Distance within which matching looks around a pixel, pixels of either image. Derived from
-        the matching block and SGBM's prefilter.
+        Distance within which matching looks around a pixel, pixels of either image. Derived: a
+        block of 3 pixels and SGBM's prefilter.
     inversion_passes : int
         Fixed-point iterations that invert the distortion polynomial. Derived: enough for any
         lens within `max_bend_share`.
@@ -60,17 +60,21 @@ class RectificationParameters:
     window_px : int
         Side of the window over which grey gradients are summed. Tuned on rendered pairs.
     max_grey_sigmas : float
-        Grey differences beyond this many standard deviations are false matches.
+        Grey differences beyond this many standard deviations are false matches. Derived: the usual
+        three.
     block_px : int
         Side of the blocks that the model is fitted to. Tuned on rendered pairs.
     min_block_weight : float
-        Squared row gradient, summed over a block, below which it shows no shift.
+        Squared row gradient, summed over a block, below which it shows no shift. Tuned on rendered
+        pairs.
     max_block_sigmas : float
-        Standard deviations of a block's residual at which its weight falls to a quarter.
+        Standard deviations of a block's residual at which its weight falls to a quarter. Tuned on
+        rendered pairs.
     reweightings : int
         Passes of that reweighting. Tuned on rendered pairs.
     ridge : float
-        Weight that holds unknowns at zero in an image without texture: a few pixels' worth.
+        Weight that holds unknowns at zero in an image without texture. Derived: a few pixels'
+        worth of texture.
     min_blocks_per_unknown : int
         Fewer blocks give no lenses. Tuned on rendered pairs.
     """

@@ -1,1 +1,1 @@
-"""Mean-shift regions, and pixels that are judged by their region."""
+"""Mean-shift regions, for the study's method and the debug pictures."""

@@ -35,10 +35,10 @@ STRENGTHEN = (
     'rock_log_odds',
     'ground_log_pixels',
 )
-"""Features that the confidence never falls with."""
+"""Confidence must not decrease with these."""
 
 WEAKEN = ('log_raggedness', 'log_disparity_noise', 'ground_log_noise')
-"""Features that the confidence never rises with."""
+"""Confidence must not increase with these."""
 
 
 def confidence(evidence: ObstacleEvidence, parameters: ResultParameters) -> NDArray[np.float32]:
@@ -55,7 +55,8 @@ def confidence(evidence: ObstacleEvidence, parameters: ResultParameters) -> NDAr
     ndarray of float32, shape (n,)
         0 to 1: the share of such obstacles that were real in labelled scenes.
     """
-    weights = np.array([COEFFICIENTS[parameters.method][name] for name in FEATURES])
+    # A cue that is newer than the fit has no weight.
+    weights = np.array([COEFFICIENTS[parameters.method].get(name, 0.0) for name in FEATURES])
     return np.asarray(logistic(evidence.features() @ weights), np.float32)
 
 

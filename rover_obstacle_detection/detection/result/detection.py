@@ -48,7 +48,7 @@ class Detection:
     ground : GroundPlane
         The visible ground, and the vertical.
     grey : ndarray of uint8, shape (height, width)
-        Left image in grey.
+        Left image in grey, as it was matched: smoothed if it is noisy.
     disparity : ndarray of float32, shape (height, width)
         Pixels, without the camera's offset; 0 where there is no match. Between straightened images
         where lens distortion was corrected: depth follows from it as usual, the direction of a
@@ -142,7 +142,7 @@ class Detection:
 
     @cached_property
     def evidence(self) -> ObstacleEvidence:
-        """What speaks for each of the obstacles, in their order."""
+        """Evidence for each of the obstacles, in their order."""
         return measure_evidence(
             self.obstacle_numbers,
             grey=self.grey,

@@ -1,4 +1,4 @@
-"""What speaks for and against each obstacle."""
+"""Evidence for each obstacle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ObstacleEvidence:
-    """What speaks for and against each of n obstacles, measured over its pixels.
+    """Evidence for each of n obstacles, measured over its pixels.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def measure_evidence(
     parameters: ResultParameters,
     images: ImageParameters,
 ) -> ObstacleEvidence:
-    """Measure what speaks for each numbered obstacle.
+    """Measure the evidence for each numbered obstacle.
 
     Parameters
     ----------

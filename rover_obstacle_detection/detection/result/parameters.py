@@ -28,8 +28,8 @@ class ResultParameters:
         Share of an obstacle's points at either end that its box leaves out. Derived: one false
         match would make a box as deep as the scene.
     typical_noise_px : float
-        Disparity noise of clean pairs, for which height noise is modelled. Measured on the tuning
-        scenes.
+        Disparity noise of clean pairs; the evidence of noisier pairs counts less. Measured on the
+        tuning scenes.
     noise_spacing_px : int
         Distance between the three pixels whose disparities measure that noise. Derived: neighbours
         share theirs.

@@ -30,7 +30,7 @@ def too_high(
     ----------
     drawn : ndarray of bool, shape (height, width)
     probability : ndarray of float32, shape (height, width)
-        How likely each pixel is on something that stands up.
+        Probability that each pixel is on an obstacle.
     terrain : Terrain
         With the scale of the ground plane where there is no 3D.
     unmeasured : ndarray of bool, shape (height, width)
@@ -46,13 +46,13 @@ def too_high(
 
     Notes
     -----
-    A part is kept if it has a core about as high as the step and above the noise. Most of the part
-    has to stand up, since a core may touch a false outline. Matching flattens rocks that are not
-    much larger than its blocks, so that distant rocks may be lower.
+    A part is kept if it has a core about as high as the step and above the noise. A good share of
+    its measured pixels has to be raised, since a core may touch a false outline. Matching flattens
+    rocks that are not much larger than its blocks, so that distant rocks may be lower.
 
-    Where the step is only a few pixels high, size in the image says more than stereo. Without 3D
-    it is all there is. A part that very likely is a rock is kept if it looks as high as the step.
-    Stereo rules it out where, within the noise, hardly a pixel could be high enough.
+    Where the step is only a few pixels high, and where there is no 3D, apparent size replaces
+    height. A part is kept if its mean probability is high, it appears as tall as the step, and a
+    sufficient height is within a few standard deviations of what stereo measured.
     """
     smooth_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
     drawn = drawn | high_holes(drawn, smooth_m, parameters.hole_share * parameters.max_step_m)

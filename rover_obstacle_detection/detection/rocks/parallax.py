@@ -43,15 +43,15 @@ def parallax_evidence(
     Returns
     -------
     ndarray of float32, shape (1 + len(STEP_SHARES), rows, columns)
-        Squared grey-level difference if the pixel lay on the local ground, less that if it lay
-        where it was matched and at each share of the step above the ground, over the image noise.
-        Positive where the pair says that the pixel stands up; negative where the disparity of
-        something near has spread over ground; 0 without 3D, for what stands as high as the camera,
-        and beyond the border of the right image.
+        Log likelihood ratio of a raised pixel against one on the local ground: first as matched,
+        then at each share of the step. Positive: raised. Negative: the disparity of something near
+        has spread over ground. 0 without 3D, as high as the camera, and beyond the border of the
+        right image.
 
     Notes
     -----
-    Log likelihood ratios of two hypotheses with Gaussian noise. Blocks and smoothness make
+    The ratio is the squared grey-level difference of the ground hypothesis less that of the other,
+    over the image noise. Blocks and smoothness make
     disparity coherent where nothing supports it, and flatten what is small and far. This looks at
     3 x 3 pixels alone, less the difference in brightness of the ground around them.
 

@@ -21,12 +21,12 @@ from rover_obstacle_detection.detection.terrain.terrain import Terrain
 Image = NDArray[np.float32]
 
 Draw = Callable[[Stereo, Terrain, Standing, Window, RockParameters], Image]
-"""Returns, for the pixels of a window, how likely each is on something that stands up."""
+"""Returns the probability that each pixel of a window is on an obstacle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rocks:
-    """What the rover cannot step over.
+    """Obstacle pixels found by the network and the height limits.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def network_outlines(
     window: Window,
     parameters: RockParameters,
 ) -> Image:
-    """Ask the network how likely each pixel of a window is on something that stands up."""
+    """Ask the network for the probability that each pixel of a window is on an obstacle."""
     features = outline_features(stereo, terrain, standing, window, parameters)
     return outline_model().probability(features)
 
@@ -62,7 +62,7 @@ def outlined_rocks(
     parameters: RockParameters,
     draw: Draw = network_outlines,
 ) -> Rocks:
-    """Find what stands higher above the local ground than the rover can step.
+    """Find rocks that are higher above the local ground than the rover can step.
 
     Matching blurs the rims of rocks, and their foot is no higher than the ground. The network sees
     height, noise and grey level together and draws the outlines. Metric limits decide which

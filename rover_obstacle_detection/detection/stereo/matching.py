@@ -88,7 +88,7 @@ def match_against_ground(
     disparity = warped_disparity(
         frame.pair, camera, np.maximum(expected, 0), search, penalties, parameters, correction.rows
     )
-    # Without texture, matches spread from its surroundings: fair on the ground, wrong in the sky.
+    # SGBM fills untextured areas from their surroundings, which is wrong in the sky.
     bare = untextured(frame.pair[0], parameters.sky_window_px, parameters.sky_texture)
     disparity[(expected <= 0) & bare] = 0
     if frame.rover_mask is not None:
@@ -109,8 +109,8 @@ def image_penalties(
     """Choose SGBM's penalties by the contrast of the image, unless the user set them.
 
     The cost of a false match grows with the grey level's gradient and the size of the block. A
-    penalty must keep pace, or hazy images become flat and crisp ones torn. Where noise hides the
-    texture, costs say less and smoothness must count more.
+    penalty must keep pace, or hazy images are over-smoothed and crisp ones fragmented. Where noise
+    hides the texture, costs say less and smoothness must count more.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ class StereoParameters:
 
     Parameters
     ----------
-    min_range_m, max_range_m : float
-        Nearest and farthest distance along the optical axis. Set by the user.
+    min_range_m : float
+        Nearest distance along the optical axis. Set by the user.
     min_disparity_px, disparity_range_px : int
         First disparity of the search and their number, a multiple of 16; a number of 0 follows
         from the camera and `min_range_m`. Set by the user.
@@ -38,8 +38,8 @@ class StereoParameters:
     coarse_reduction : int
         Full-size pixels in the side of a pixel of the coarse match. Tuned for speed.
     min_coarse_width_px : int
-        Smaller images are reduced less: SGBM pulls disparities to whole pixels, which leaves
-        nothing of two or three of them. Tuned on the tuning scenes.
+        Smaller images are reduced less. SGBM is biased to whole pixels, and their disparity is
+        only two or three pixels. Tuned on the tuning scenes.
     coarse_p1, coarse_p2 : int
         Penalties of the coarse match. Tuned on the tuning scenes.
     tail_share : float
@@ -48,7 +48,8 @@ class StereoParameters:
     search_margin_px : float
         Margin around the residuals seen coarsely. Tuned on the tuning scenes.
     sky_window_px : int
-        Side of the window that is checked for texture above the horizon.
+        Side of the window that is checked for texture above the horizon. Tuned on the tuning
+        scenes.
     sky_texture : float
         Mean difference of neighbours below which that window shows bare sky, grey levels. Derived:
         noise of one grey level has 1.1.
@@ -59,6 +60,8 @@ class StereoParameters:
         matches. Measured on rendered ground.
     pixels_per_sample : float
         Neighbouring pixels that count as one independent sample. Measured on rendered ground.
+    min_grey_noise : float
+        Least noise of the grey-level difference. Derived: rounding of both images.
     max_refinement_px : float
         Largest refinement. Derived: SGBM is at most one pixel off where it matches.
     untextured_noise_px, min_noise_px : float
@@ -73,7 +76,6 @@ class StereoParameters:
     """
 
     min_range_m: float = 0.3
-    max_range_m: float = 40.0
     min_disparity_px: int = 0
     disparity_range_px: int = 0
     block_size_px: int = 3
@@ -101,6 +103,7 @@ class StereoParameters:
     refinement_windows_px: tuple[int, ...] = (33, 9)
     refinement_priors_px: tuple[float, ...] = (0.5, 0.13)
     pixels_per_sample: float = 2.0
+    min_grey_noise: float = 0.5
     max_refinement_px: float = 1.0
     untextured_noise_px: float = 0.35
     min_noise_px: float = 0.12

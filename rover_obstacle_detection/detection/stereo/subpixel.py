@@ -76,13 +76,14 @@ def refine_disparity(
     deviation = difference - _mean(difference, narrowest) / share
     grey_noise = _grey_noise(np.asarray(deviation, np.float32), known)
     images = weight, gradient, difference, gradient * gradient, difference * gradient
+    noise = max(grey_noise, parameters.min_grey_noise)
     step, prior_share = np.zeros_like(difference), weight
     for window, prior_px in zip(
         parameters.refinement_windows_px, parameters.refinement_priors_px, strict=True
     ):
         curvature, pull, samples = _normal_equation(images, window, parameters.pixels_per_sample)
         # Texture counts where its gradient exceeds grey-level noise over the expected step.
-        damping = np.float32(max(grey_noise, 0.5) ** 2 / prior_px**2) / samples
+        damping = np.float32(noise**2 / prior_px**2) / samples
         prior_share = np.asarray(damping / (curvature + damping), np.float32)
         step = pull / (curvature + damping) + step * prior_share
     step = np.clip(step, -parameters.max_refinement_px, parameters.max_refinement_px)
@@ -137,7 +138,7 @@ def _distant_texture_factor(
     mean = cv2.blur(grey.astype(np.float32), size)
     variance = cv2.sqrBoxFilter(grey, cv2.CV_32F, size) - mean * mean
     # The difference of two images has twice the variance of each.
-    noise_variance = np.float32(max(grey_noise, 0.5) ** 2 / 2)
+    noise_variance = np.float32(max(grey_noise, parameters.min_grey_noise) ** 2 / 2)
     signal = np.sqrt(np.maximum(variance / noise_variance - 1, 0))
     missing = np.maximum(1 - signal / parameters.distant_texture_signal, 0)
     return np.asarray(1 + parameters.distant_texture_noise * missing, np.float32)

@@ -52,7 +52,7 @@ def residual_range(
         First residual and their number, a multiple of 16, in full-size pixels.
     """
     expected = plane.disparity(camera)
-    # What rises above the horizon also stands below it, and matches in a bare sky are false.
+    # Objects above the horizon also extend below it, and matches in the sky are false.
     below_horizon = (coarse > 0) & (expected > 0)
     residual = (coarse - expected)[below_horizon]
     if not residual.size:

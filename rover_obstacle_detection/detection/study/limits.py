@@ -39,7 +39,7 @@ def exceeds_terrain_limits(
     with np.errstate(divide='ignore', invalid='ignore'):
         noise_m = np.abs(elevation_m) * np.float32(parameters.window_noise_px) / disparity
         max_roughness = np.hypot(
-            parameters.study_max_roughness_m, parameters.noise_roughness_factor * noise_m
+            parameters.max_roughness_m, parameters.noise_roughness_factor * noise_m
         )
-        max_step = np.hypot(parameters.study_max_step_m, parameters.noise_step_factor * noise_m)
+        max_step = np.hypot(parameters.max_step_m, parameters.noise_step_factor * noise_m)
         return np.asarray((roughness > max_roughness) | (step > max_step))

@@ -26,10 +26,14 @@ class StudyParameters:
         the tuning scenes.
     window_size_px : int
         Side of the window for roughness and elevation step, odd. Set by the user.
-    study_max_roughness_m : float
+    max_roughness_m : float
         Greatest roughness of free ground without noise (T2). Set by the user.
-    study_max_step_m : float
+    max_step_m : float
         Greatest elevation step of free ground without noise (T3). Set by the user.
+    dark_grey_level : float
+        Regions without enough 3D points are dark below this mean grey level (T4). Set by the user.
+    max_range_m : float
+        Farther matches are removed. Set by the user.
     noise_roughness_factor : float
         Roughness that noise alone stays below, over its standard deviation. Derived: the mean
         deviation of 25 normal samples is 0.8 with a spread of 0.12; three spreads more is 1.2.
@@ -49,8 +53,10 @@ class StudyParameters:
     disparity_noise_px: float = 0.25
     window_noise_px: float = 0.05
     window_size_px: int = 5
-    study_max_roughness_m: float = 0.0005
-    study_max_step_m: float = 0.005
+    max_roughness_m: float = 0.0005
+    max_step_m: float = 0.005
+    dark_grey_level: float = 50
+    max_range_m: float = 40.0
     noise_roughness_factor: float = 1.2
     noise_step_factor: float = 6.0
     morphology_size_px: int = 7

@@ -97,10 +97,11 @@ def ground_height(layer: Layer, parameters: TerrainParameters) -> tuple[Grid, Gr
     """
     cell_m = layer.positions.cell_m
     own_m = max(parameters.smoothing_m, parameters.smoothing_cells * cell_m)
-    sigma = max(parameters.relief_m**2 - own_m**2, (0.6 * cell_m) ** 2) ** 0.5 / cell_m
+    least_m = parameters.min_scale_cells * cell_m
+    sigma = max(parameters.drop_scale_m**2 - own_m**2, least_m**2) ** 0.5 / cell_m
     # Fading to zero beyond the map would make a hollow of its edge.
     height_m = cv2.GaussianBlur(layer.ground_m, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
-    own = max(parameters.relief_m / cell_m, 1.0)
+    own = max(parameters.drop_scale_m / cell_m, 1.0)
     around, noise = (
         cv2.GaussianBlur(grid, (0, 0), own, borderType=cv2.BORDER_CONSTANT)
         for grid in (layer.information, layer.information * layer.noise_m)

@@ -88,7 +88,9 @@ def rough_ground(terrain: Terrain, obstacles: Mask, parameters: TerrainParameter
         weight = (usable[layer.rows] & layer.pixels).astype(np.float32)
         mean, count = cell_means(squares[layer.rows], weight, layer.positions)
         present = (count > 0).astype(np.float32)
-        sigma = max(parameters.roughness_m / layer.positions.cell_m, 0.6)
+        sigma = max(
+            parameters.roughness_scale_m / layer.positions.cell_m, parameters.min_scale_cells
+        )
         square = smoothed(mean * present, sigma) / np.maximum(smoothed(present, sigma), 1e-3)
         return np.asarray(square > limit_m**2)
 

@@ -9,12 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.geometry.moments import Moments, planes_from_moments
+from rover_obstacle_detection.detection.geometry.moments import (
+    MIN_WEIGHT,
+    Moments,
+    planes_from_moments,
+)
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 Grid = NDArray[np.float32]
-
-_MIN_WEIGHT = np.float32(1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +126,6 @@ def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float, reach: float) 
         fitted.height,
         fitted.rise_u,
         fitted.rise_v,
-        np.maximum(moments.n, _MIN_WEIGHT),
+        np.maximum(moments.n, MIN_WEIGHT),
         np.asarray(np.sqrt(least), np.float32),
     )

@@ -25,6 +25,8 @@ class VerticalParameters:
         Deviation from a plane at which a cell counts half. Derived: relief of driveable ground.
     nearness : float
         Power of the distance with which a cell's weight falls.
+    nearest_m : float
+        Ground nearer than this is ignored.
     min_distance_m : float
         Distance below which the weight grows no further.
     known_m : float
@@ -37,7 +39,7 @@ class VerticalParameters:
         Distances at which a bend is tried first.
     first_hinge, last_hinge : float
         Their ends, relative to the nearest and the farthest ground.
-    finer : int
+    refinement_steps : int
         Further distances on either side of the best one, for each step of the first search.
     bend_width_m : float
         Half-length over which the slope changes, in the first search.
@@ -62,6 +64,7 @@ class VerticalParameters:
     iterations: int = 5
     relief_m: float = 0.03
     nearness: float = 2.0
+    nearest_m: float = 0.05
     min_distance_m: float = 0.3
     known_m: float = 0.2
     tail_share: float = 0.02
@@ -69,7 +72,7 @@ class VerticalParameters:
     hinges: int = 7
     first_hinge: float = 1.3
     last_hinge: float = 0.75
-    finer: int = 3
+    refinement_steps: int = 3
     bend_width_m: float = 0.15
     bend_widths_m: tuple[float, ...] = (0.05, 0.15, 0.3, 0.5)
     search_cells: int = 500
@@ -97,7 +100,7 @@ class TerrainParameters:
         Maps, each twice as coarse as the one before, and cells along the last.
     rows_per_cell : float
         Image rows to a cell at the far end of its layer. Derived: fewer leave empty cells.
-    overlap, overlap_m : float
+    overlap_factor, overlap_m : float
         A layer also maps this much, as a factor and in metres, beyond its span.
     repose_deg : float
         Loose ground slides where it is steeper: what stands above such a slope is not mapped as
@@ -128,7 +131,7 @@ class TerrainParameters:
         ground seen along itself still has relief.
     shared_pixels : float
         Pixels that share their noise: a mean over n has that of n / `shared_pixels` independent
-        ones. Derived: pixels of the refinement window.
+        ones. About the 81 pixels of the narrowest refinement window.
     rise_scales_m : tuple of float
         Standard deviations at which the rise is measured: a wheel, up to a wheel base.
     tolerated_rise_noise_deg : float
@@ -139,17 +142,19 @@ class TerrainParameters:
         Slope that smoothing removes where a slope begins and ends.
     steep_share : float
         Least share of a slope's cells that are too steep.
-    relief_m : float
+    min_scale_cells : float
+        Least standard deviation of the windows of drop and roughness, cells.
+    drop_scale_m : float
         Standard deviation at which drops are measured. Derived: scale of the rover's wheels.
     common_noise_share : float
         Share of a pixel's noise that is common to all pixels around it.
-    drop_rim_m : float
+    max_hollow_m : float
         Hollows that are wider are terrain, not drops.
-    drop_rim_cells : int
+    hollow_cells : int
         Cells across that width in which drops are searched.
     drop_noises : float
         Standard deviations of height by which a drop exceeds the step.
-    roughness_m : float
+    roughness_scale_m : float
         Standard deviation of the window of roughness. Derived: half a wheel base.
     max_noise_share : float
         Height noise, relative to `max_step_m`, above which a pixel is unknown. Derived: two
@@ -173,7 +178,7 @@ class TerrainParameters:
     max_layers: int = 5
     max_cells: int = 1000
     rows_per_cell: float = 2.0
-    overlap: float = 1.25
+    overlap_factor: float = 1.25
     overlap_m: float = 1.0
     repose_deg: float = 35.0
     cell_relief_m: float = 0.03
@@ -197,12 +202,13 @@ class TerrainParameters:
     max_rise_noise_deg: float = 20.0
     lost_slope_deg: float = 2.5
     steep_share: float = 0.4
-    relief_m: float = 0.10
+    min_scale_cells: float = 0.6
+    drop_scale_m: float = 0.10
     common_noise_share: float = 0.5
-    drop_rim_m: float = 1.8
-    drop_rim_cells: int = 20
+    max_hollow_m: float = 1.8
+    hollow_cells: int = 20
     drop_noises: float = 3.0
-    roughness_m: float = 0.25
+    roughness_scale_m: float = 0.25
     max_noise_share: float = 0.5
     max_ground_noise_share: float = 1.5
     border_reach_m: float = 0.35

@@ -104,14 +104,14 @@ def dropped_cells(
     Water would run out over unseen ground, so a hollow needs a rim all around. The closing runs on
     coarser cells.
     """
-    reduction = max(1, round(parameters.drop_rim_m / (parameters.drop_rim_cells * cell_m)))
+    reduction = max(1, round(parameters.max_hollow_m / (parameters.hollow_cells * cell_m)))
     rows, columns = height_m.shape
     small = max(1, columns // reduction), max(1, rows // reduction)
     share = cv2.resize(seen.astype(np.float32), small, interpolation=cv2.INTER_AREA)
     total = cv2.resize(np.where(seen, height_m, 0), small, interpolation=cv2.INTER_AREA)
     abyss = np.float32(-1e4)
     level = np.where(share > 0, total / np.maximum(share, 1e-6), abyss).astype(np.float32)
-    size = round(parameters.drop_rim_m / (reduction * cell_m)) | 1
+    size = round(parameters.max_hollow_m / (reduction * cell_m)) | 1
     # Room for the kernel outside the map, where nothing is seen.
     wide = cv2.copyMakeBorder(level, *4 * (size,), cv2.BORDER_CONSTANT, value=float(abyss))
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))

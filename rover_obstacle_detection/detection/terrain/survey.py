@@ -151,7 +151,7 @@ def _map_layer(
 ) -> Layer | None:
     """Map the ground between two distances; None where no pixel lies there."""
     nearest_m, farthest_m = span_m
-    overlap, overlap_m = parameters.overlap, parameters.overlap_m
+    overlap, overlap_m = parameters.overlap_factor, parameters.overlap_m
     usable = points.in_range & (points.along_m <= farthest_m * overlap + overlap_m)
     usable &= points.along_m >= nearest_m / overlap - overlap_m
     rows = rows_with(usable)

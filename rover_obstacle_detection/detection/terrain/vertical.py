@@ -107,7 +107,7 @@ def _mean_bend(cells: Cells, p: VerticalParameters) -> _Bend:
     turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
     turn, best_m = min(product(turns, hinges_m), key=cost)
     turned = _turned(cells, turn)
-    steps = np.arange(-p.finer, p.finer + 1) / p.finer
+    steps = np.arange(-p.refinement_steps, p.refinement_steps + 1) / p.refinement_steps
     around_m = best_m * (hinges_m[1] / hinges_m[0]) ** steps
     around_m = np.unique(np.clip(around_m, first, last))
     rows = []
@@ -143,7 +143,7 @@ def _weighted_cells(layers: Sequence[Layer], parameters: TerrainParameters) -> C
         rows, columns = np.nonzero(layer.seen)
         forward = (rows + positions.first_row) * positions.cell_m
         across = (columns + positions.first_column) * positions.cell_m
-        own = (forward > max(nearest_m, 0.05)) & (forward <= p.range_m)
+        own = (forward > max(nearest_m, p.nearest_m)) & (forward <= p.range_m)
         if not own.any():
             continue
         nearest_m = float(forward[own].max())

@@ -61,7 +61,7 @@ class Viewpoint:
 def lever_m(
     descent_m: NDArray[np.float32], camera_height_m: float, min_share: float
 ) -> NDArray[np.float32]:
-    """Change of height over a relative change of distance.
+    """Height change per relative change of distance, metres.
 
     Parameters
     ----------

@@ -87,8 +87,8 @@ class Wang:
         elevation_m = elevation_along(reproject(disparity, grid), plane.up_vector)
         max_step_m = self._config.max_step
         limits = StudyParameters(
-            study_max_roughness_m=MAX_ROUGHNESS_SHARE * max_step_m,
-            study_max_step_m=MAX_STEP_SHARE * max_step_m,
+            max_roughness_m=MAX_ROUGHNESS_SHARE * max_step_m,
+            max_step_m=MAX_STEP_SHARE * max_step_m,
         )
         rises = exceeds_terrain_limits(
             window_roughness(disparity, grid, WINDOW_POINTS),

@@ -107,3 +107,9 @@ def test_equalization_spreads_the_histogram():
     assert (left.min(), left.max()) == (0, 255)
     assert (np.diff(left.ravel().astype(int)) >= 0).all()
     assert len(np.unique(right)) == 1
+
+
+def test_a_missing_image_is_named():
+    message = refusal(None, grey())
+    assert message.startswith('left image is NoneType: expected an array')
+    assert 'cv2.imread' in message

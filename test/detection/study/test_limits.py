@@ -38,9 +38,9 @@ def test_either_limit_makes_an_obstacle(roughness, step, obstacle):
 
 
 def test_limits_are_parameters():
-    assert not exceeds(0.0, 0.09, study_max_step_m=0.1)
-    assert exceeds(0.0, 0.11, study_max_step_m=0.1)
-    assert exceeds(0.03, 0.0, study_max_roughness_m=0.02, study_max_step_m=0.1)
+    assert not exceeds(0.0, 0.09, max_step_m=0.1)
+    assert exceeds(0.0, 0.11, max_step_m=0.1)
+    assert exceeds(0.03, 0.0, max_roughness_m=0.02, max_step_m=0.1)
 
 
 def test_noise_widens_the_limits_with_the_range():
