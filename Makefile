@@ -30,7 +30,7 @@ demo: $(VENV)/.installed
 	@ls $(DEMO)/images/*overlay* | sed 's/^/  /'
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
 
 lint: environment
 	$(BIN)/ruff check .

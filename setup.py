@@ -56,6 +56,7 @@ setup(
             # Pinned, because new minor releases add checks.
             'mypy==2.4.*',
             'pytest>=8',
+            'pytest-xdist>=3.5',
             'ruff==0.17.*',
         ],
     },
