@@ -202,7 +202,7 @@ class Blocks:
 
     def _solved(self, count: int, weight: Floats) -> Floats:
         basis = self.basis[:count]
-        normal_matrix = (basis * weight) @ basis.T + self.parameters.ridge * np.eye(count)
+        normal_matrix = (basis * weight) @ basis.T + self.parameters.ridge * np.identity(count)
         return np.asarray(np.linalg.solve(normal_matrix, basis @ (weight * self.shift_px)))
 
 
