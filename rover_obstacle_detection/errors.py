@@ -19,6 +19,10 @@ class ImageError(ObstacleDetectionError):
     """An image that cannot be decoded or does not match its partner or its calibration."""
 
 
+class UnjudgeablePairError(ObstacleDetectionError):
+    """A stereo pair that shows too little, or contradicts itself, to say anything about ground."""
+
+
 class BagError(ObstacleDetectionError):
     """A recording that cannot be read or lacks required topics."""
 

@@ -71,6 +71,8 @@ class Detection:
         Residual rectification error, corrected before matching.
     remapping : Remapping, optional
         From the straightened left image to the left image, where the left lens was corrected.
+    warnings : tuple of str
+        What makes the pair less trustworthy than usual, in words that say what to do.
     """
 
     camera: StereoCamera
@@ -87,6 +89,7 @@ class Detection:
     study: StudyProducts
     correction: Correction = UNCORRECTED
     remapping: Remapping | None = None
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
