@@ -143,7 +143,25 @@ class DetectorConfig:
         90.0,
     )
     camera_height: float = _parameter(
-        0.0, 'Height of the left camera above the ground (m); 0: unknown.', 0.0, 100.0
+        0.0,
+        'Height of the left camera above the ground (m), whatever the source of the vertical; '
+        '0: unknown.',
+        0.0,
+        20.0,
+    )
+    max_camera_pitch: float = _parameter(
+        70.0,
+        'Where the vertical is estimated: greatest angle of the optical axis below the ground '
+        'plane (deg). Steeper planes are walls.',
+        5.0,
+        90.0,
+    )
+    max_camera_roll: float = _parameter(
+        25.0,
+        'Where the vertical is estimated: greatest roll of the camera against the ground plane '
+        '(deg).',
+        1.0,
+        90.0,
     )
 
     min_disparity: int = _parameter(

@@ -41,7 +41,13 @@ class DetectorParameters:
         c = config
         return cls(
             config=config,
-            plane_fit=PlaneFitParameters(tolerance_m=c.max_step / 2, max_range_m=c.max_range),
+            plane_fit=PlaneFitParameters(
+                tolerance_m=c.max_step / 2,
+                max_range_m=c.max_range,
+                max_pitch_deg=c.max_camera_pitch,
+                max_roll_deg=c.max_camera_roll,
+                known_height_m=c.camera_height,
+            ),
             images=ImageParameters(),
             rectification=RectificationParameters(),
             stereo=StereoParameters(

@@ -16,6 +16,9 @@ CONFIGURED = {
     'max_step': ('plane_fit', 'terrain', 'rocks', 'result'),
     'max_slope': ('terrain',),
     'max_roughness': ('terrain',),
+    'camera_height': ('plane_fit',),
+    'max_camera_pitch': ('plane_fit',),
+    'max_camera_roll': ('plane_fit',),
     'min_range': ('stereo',),
     'max_range': ('plane_fit', 'terrain', 'rocks', 'study'),
     'min_disparity': ('stereo',),
@@ -50,7 +53,6 @@ DIRECT = {
     'gravity_source': {'gravity_source': 'parameters', 'camera_pitch': 30.0},
     'camera_pitch': {'gravity_source': 'parameters', 'camera_pitch': 40.0},
     'camera_roll': {'gravity_source': 'parameters', 'camera_pitch': 46.0, 'camera_roll': 5.0},
-    'camera_height': {'gravity_source': 'parameters', 'camera_pitch': 46.0, 'camera_height': 2.0},
     'equalize_histogram': {'equalize_histogram': True},
 }
 DESCRIPTIONS = {each.name: each for each in DetectorConfig.parameters()}

@@ -20,9 +20,16 @@ class PlaneFitParameters:
     near_share : float
         Share of the matched pixels, nearest first, that `estimate_ground` uses. Tuned on the
         tuning scenes.
+    lowest_share : float
+        Share of the points that may lie below the lowest row, so that a few cannot set it.
+    nearness_rows : float
+        Share of the image's height over which a point's weight falls to 1 / e, from the lowest row
+        upwards, while a plane is chosen. Tuned on the tuning scenes and on walls, edges and streets.
+    refined_nearness_rows : float
+        The same while the chosen plane is refined: more points make it more precise.
     candidates : int
-        Random planes that are scored. Derived: where 40 % of the points are obstacles, about 40
-        of these planes go through three ground points.
+        Random planes that are scored, half of them through the lowest points. Derived: where 40 %
+        of the points are obstacles, about 120 of these planes go through three ground points.
     sample_points : int
         Points that the plane is refined on, for speed.
     scored_points : int
@@ -32,6 +39,9 @@ class PlaneFitParameters:
     min_sample_area_px2 : float
         Candidates through three points that span a smaller triangle in the image are skipped, as
         these are nearly collinear. Derived: half a pixel of area.
+    max_cost : float
+        Mean squared residual above which no plane is ground. Derived: three quarters of the lowest
+        points would lie elsewhere.
     refinements : int
         Steps of reweighted least squares. Tuned on the tuning scenes.
     max_deviation : float
@@ -40,36 +50,63 @@ class PlaneFitParameters:
     below_weight : float
         Cost of a point below the plane relative to one above it. Derived: ground has obstacles on
         it but nothing below it. Tuned on the tuning scenes.
-    min_height_m : float
-        Least distance of the camera from the plane. Derived: lower than any rover's camera.
-    max_pitch_deg : float
-        Greatest downward pitch of the camera relative to the plane, without known gravity. Tuned
-        on the tuning scenes.
-    max_roll_deg, max_looking_up_deg : float
-        Greatest roll and upward pitch relative to the plane, without known gravity. Tuned on the
-        tuning scenes.
+    min_height_m, max_height_m : float
+        Least and greatest distance of the camera from the plane. Derived: lower and higher than
+        any rover's camera.
+    max_pitch_deg, max_roll_deg : float
+        Greatest downward pitch and greatest roll of the camera relative to the plane, without
+        known gravity. Set by the user.
+    max_looking_up_deg : float
+        Greatest upward pitch relative to the plane, without known gravity. Tuned on the tuning
+        scenes.
+    usual_pitch_deg, pitch_spread_deg, roll_spread_deg : float
+        What is expected of pitch and roll without known gravity: mean and standard deviation.
+        Derived: rovers' cameras look down by 10 to 45 degrees and are mounted upright.
+    known_height_m : float
+        Height of the camera; 0 if it is not known. Set by the user.
+    known_height_spread : float
+        Standard deviation of its logarithm. Derived: the tilt of a rover and relief change it
+        by some percent.
+    default_height_m : float
+        Height of the camera that is expected where it is not known, and assumed where no plane is
+        found. A guess, so that heights have a scale.
+    height_spread : float
+        Standard deviation of the logarithm of unknown heights. Derived: half of all rovers carry
+        their cameras at 0.6 to 1.6 m.
+    surprise_weight : float
+        Weight of the squared deviations from what is expected, relative to the squared residuals.
+        Tuned like `nearness_rows`.
     max_slope_deg : float
         Greatest slope of the plane, with known gravity. Derived: steeper than any rover stands on.
-    default_height_m : float
-        Height of the camera where neither matches nor the mounting give it. A guess, so that
-        heights have a scale.
     """
 
     tolerance_m: float = 0.05
     max_range_m: float = 40.0
     disparity_noise_px: float = 0.25
     near_share: float = 0.7
-    candidates: int = 200
-    sample_points: int = 2000
-    scored_points: int = 400
+    lowest_share: float = 0.02
+    nearness_rows: float = 0.12
+    refined_nearness_rows: float = 0.2
+    candidates: int = 600
+    sample_points: int = 3000
+    scored_points: int = 600
     min_points: int = 50
     min_sample_area_px2: float = 0.5
-    refinements: int = 6
+    max_cost: float = 7.0
+    refinements: int = 8
     max_deviation: float = 3.0
     below_weight: float = 2.0
     min_height_m: float = 0.05
-    max_pitch_deg: float = 80.0
-    max_roll_deg: float = 30.0
-    max_looking_up_deg: float = 30.0
-    max_slope_deg: float = 30.0
+    max_height_m: float = 20.0
+    max_pitch_deg: float = 70.0
+    max_roll_deg: float = 25.0
+    max_looking_up_deg: float = 20.0
+    usual_pitch_deg: float = 25.0
+    pitch_spread_deg: float = 25.0
+    roll_spread_deg: float = 5.0
+    known_height_m: float = 0.0
+    known_height_spread: float = 0.06
     default_height_m: float = 1.0
+    height_spread: float = 0.7
+    surprise_weight: float = 0.3
+    max_slope_deg: float = 30.0

@@ -34,8 +34,8 @@ def estimate_ground(
     Returns
     -------
     GroundPlane
-        If no plane is found: level ground at the known or default height. Without gravity the
-        camera is assumed level.
+        If no plane is found: level ground at the known or default height, not measured. Without
+        gravity the camera is assumed level.
 
     Notes
     -----
@@ -52,8 +52,8 @@ def estimate_ground(
     if plane is not None:
         return plane.in_space(camera, gravity)
     up = gravity.up if gravity else (0.0, -1.0, 0.0)
-    height_m = (gravity.height_m if gravity else None) or parameters.default_height_m
-    return GroundPlane(normal=up, height_m=height_m, up=up)
+    height_m = (gravity.height_m if gravity else None) or parameters.known_height_m
+    return GroundPlane(up, height_m or parameters.default_height_m, up, measured=False)
 
 
 def fit_ground_plane(
@@ -64,7 +64,7 @@ def fit_ground_plane(
     min_disparity: float,
     gravity: Gravity | None = None,
 ) -> DisparityPlane | None:
-    """Fit the plane that most points lie on and few lie below.
+    """Fit the plane that the lowest points of the view lie on.
 
     Parameters
     ----------
@@ -85,24 +85,35 @@ def fit_ground_plane(
 
     Notes
     -----
-    Candidates through three random points are scored by MSAC (Torr and Zisserman 2000). The seed
-    is fixed, so that a pair always gives the same plane. The best candidate is refined by
-    iteratively reweighted least squares with Cauchy weights. Residuals are heights, ``h r / d``,
-    over tolerance and noise.
+    The rover stands on what is lowest in the view. A wall, a floor below an edge or a slope ahead
+    can fill more of it, so a point's weight falls with its height in the image.
+
+    Candidates through three random points are scored by MSAC (Torr and Zisserman 2000) and by
+    what is expected of a rover's camera: pitch, roll and height. The seed is fixed, so that a pair
+    always gives the same plane. The best candidate is refined by iteratively reweighted least
+    squares with Geman and McClure's weights, which ignore what stands far above. Residuals are
+    heights, ``h r / d``, over tolerance and noise.
     """
     points = _sample(disparity, camera, min_disparity, parameters.sample_points)
     if len(points) < parameters.min_points:
         return None
-    candidates = _candidates(points, camera, parameters, gravity)
+    weights = _nearness(points, camera, parameters.nearness_rows, parameters, gravity)
+    candidates = _candidates(points, weights, parameters)
+    candidates = candidates[_plausible(candidates, camera, parameters, gravity)]
     if not len(candidates):
         return None
-    best = candidates[np.argmin(_costs(candidates, points, camera, parameters))]
+    costs = _costs(candidates, points, weights, camera, parameters)
+    best = np.argmin(costs + _surprise(candidates, camera, parameters, gravity))
+    if costs[best] > parameters.max_cost:
+        return None
+    plane = candidates[best]
+    weights = _nearness(points, camera, parameters.refined_nearness_rows, parameters, gravity)
     for _ in range(parameters.refinements):
-        refined = _reweighted(best, points, camera, parameters)
-        if not _plausible(refined[np.newaxis], camera, parameters, gravity).all():
-            break
-        best = refined
-    return DisparityPlane(*(float(value) for value in best))
+        plane = _reweighted(plane, points, weights, camera, parameters)
+    if not _plausible(plane[np.newaxis], camera, parameters, gravity).all():
+        # A wall: the best plausible plane only leans on it.
+        return None
+    return DisparityPlane(*(float(value) for value in plane))
 
 
 def _sample(
@@ -115,21 +126,36 @@ def _sample(
     return np.column_stack((columns - camera.cx, rows - camera.cy, disparity[rows, columns]))
 
 
-def _candidates(
+def _nearness(
     points: NDArray[np.float64],
     camera: StereoCamera,
+    nearness_rows: float,
     parameters: PlaneFitParameters,
     gravity: Gravity | None,
 ) -> NDArray[np.float64]:
-    """Rows of (slope_u, slope_v, level): plausible planes through three points each."""
+    """Weight of each point, falling upwards in the image; their sum is 1."""
+    right, down = (-gravity.up[0], -gravity.up[1]) if gravity else (0.0, 1.0)
+    length = math.hypot(right, down) + 1e-9
+    position = points[:, :2] @ (right / length, down / length)
+    lowest = np.quantile(position, 1 - parameters.lowest_share)
+    rise = np.maximum(lowest - position, 0) / camera.height
+    weights = np.exp(-rise / nearness_rows)
+    return np.asarray(weights / weights.sum())
+
+
+def _candidates(
+    points: NDArray[np.float64], weights: NDArray[np.float64], parameters: PlaneFitParameters
+) -> NDArray[np.float64]:
+    """Rows of (slope_u, slope_v, level): planes through three points each."""
     generator = np.random.default_rng(0)
-    triples = generator.integers(len(points), size=(parameters.candidates, 3))
-    corners = points[triples]
+    shape = parameters.candidates // 2, 3
+    anywhere = generator.integers(len(points), size=shape)
+    low = np.searchsorted(np.cumsum(weights), generator.random(shape)).clip(max=len(points) - 1)
+    corners = points[np.concatenate((anywhere, low))]
     design = corners.copy()
     design[:, :, 2] = 1.0
     usable = np.abs(np.linalg.det(design)) / 2 > parameters.min_sample_area_px2
-    planes = np.linalg.solve(design[usable], corners[usable][:, :, 2:])[:, :, 0]
-    return planes[_plausible(planes, camera, parameters, gravity)]
+    return np.asarray(np.linalg.solve(design[usable], corners[usable][:, :, 2:])[:, :, 0])
 
 
 def _plausible(
@@ -139,17 +165,45 @@ def _plausible(
     gravity: Gravity | None,
 ) -> NDArray[np.bool_]:
     """Select the planes that can be ground."""
-    normals = -planes * (camera.fx, camera.fy, 1.0)
-    length = np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    normals /= length
-    high = camera.fx * camera.baseline_m / length[:, 0] > parameters.min_height_m
+    normals, height_m = _in_space(planes, camera)
+    near = (height_m > parameters.min_height_m) & (height_m < parameters.max_height_m)
     if gravity is not None:
         upright = normals @ np.asarray(gravity.up) > _cosine(parameters.max_slope_deg)
-        return np.asarray(upright & high)
-    upward = -normals[:, 1] > _cosine(parameters.max_pitch_deg)
+        return np.asarray(upright & near)
+    upward = normals[:, 1] < 0
     rolled = np.abs(normals[:, 0]) < _sine(parameters.max_roll_deg)
+    pitched = -normals[:, 2] < _sine(parameters.max_pitch_deg)
     looking_down = normals[:, 2] < _sine(parameters.max_looking_up_deg)
-    return np.asarray(upward & rolled & looking_down & high)
+    return np.asarray(upward & rolled & pitched & looking_down & near)
+
+
+def _in_space(
+    planes: NDArray[np.float64], camera: StereoCamera
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Upward unit normals, and distances from the camera in metres."""
+    normals = -planes * (camera.fx, camera.fy, 1.0)
+    length = np.linalg.norm(normals, axis=1) + 1e-12
+    return normals / length[:, np.newaxis], camera.fx * camera.baseline_m / length
+
+
+def _surprise(
+    planes: NDArray[np.float64],
+    camera: StereoCamera,
+    parameters: PlaneFitParameters,
+    gravity: Gravity | None,
+) -> NDArray[np.float64]:
+    """Cost of planes that a rover's camera is seldom mounted over."""
+    p = parameters
+    normals, height_m = _in_space(planes, camera)
+    known_m = (gravity.height_m if gravity else None) or p.known_height_m
+    spread = p.known_height_spread if known_m else p.height_spread
+    surprise = (np.log(height_m / (known_m or p.default_height_m)) / spread) ** 2
+    if gravity is None:
+        pitch_deg = np.degrees(np.arcsin(np.clip(-normals[:, 2], -1, 1)))
+        roll_deg = np.degrees(np.arcsin(np.clip(normals[:, 0], -1, 1)))
+        surprise += ((pitch_deg - p.usual_pitch_deg) / p.pitch_spread_deg) ** 2
+        surprise += (roll_deg / p.roll_spread_deg) ** 2
+    return np.asarray(p.surprise_weight * surprise)
 
 
 def _cosine(angle_deg: float) -> float:
@@ -161,46 +215,48 @@ def _sine(angle_deg: float) -> float:
 
 
 def _scaled_heights(
-    plane: NDArray[np.float64],
+    planes: NDArray[np.float64],
     points: NDArray[np.float64],
     camera: StereoCamera,
     parameters: PlaneFitParameters,
 ) -> NDArray[np.float64]:
-    """Height of each point above the plane, in units of tolerance and noise combined."""
-    direction = plane * (camera.fx, camera.fy, 1.0)
-    height_m = camera.fx * camera.baseline_m / np.linalg.norm(direction, axis=-1)
-    expected = plane[..., :2] @ points[:, :2].T + plane[..., 2:]
+    """Height of each point above each plane, in units of tolerance and noise combined."""
+    height_m = _in_space(planes, camera)[1]
+    expected = planes[:, :2] @ points[:, :2].T + planes[:, 2:]
     # Relative to the plane's own height, each point needs only one division.
     ratio = 1.0 - expected / points[:, 2]
     noise = parameters.disparity_noise_px / points[:, 2]
-    tolerance = (parameters.tolerance_m / height_m)[..., np.newaxis]
+    tolerance = (parameters.tolerance_m / height_m)[:, np.newaxis]
     return np.asarray(ratio / np.sqrt(tolerance * tolerance + noise * noise))
 
 
 def _costs(
     planes: NDArray[np.float64],
     points: NDArray[np.float64],
+    weights: NDArray[np.float64],
     camera: StereoCamera,
     parameters: PlaneFitParameters,
 ) -> NDArray[np.float64]:
-    """Sum the truncated squared residuals of each plane."""
-    thin = points[:: max(1, len(points) // parameters.scored_points)]
-    heights = _scaled_heights(planes, thin, camera, parameters)
+    """Weighted mean of the truncated squared residuals of each plane."""
+    thin = slice(None, None, max(1, len(points) // parameters.scored_points))
+    heights = _scaled_heights(planes, points[thin], camera, parameters)
     limit = parameters.max_deviation
     cost = np.minimum(heights**2, limit**2)
-    return np.asarray(np.where(heights < -limit, parameters.below_weight * cost, cost).sum(axis=1))
+    cost = np.where(heights < -limit, parameters.below_weight * cost, cost)
+    return np.asarray(cost @ weights[thin] / weights[thin].sum())
 
 
 def _reweighted(
     plane: NDArray[np.float64],
     points: NDArray[np.float64],
+    weights: NDArray[np.float64],
     camera: StereoCamera,
     parameters: PlaneFitParameters,
 ) -> NDArray[np.float64]:
     """Take one step of least squares, weighted by the residuals of the given plane."""
-    heights = _scaled_heights(plane, points, camera, parameters)
+    heights = _scaled_heights(plane[np.newaxis], points, camera, parameters)[0]
     # A disparity residual over d is a height, hence the division. Below one pixel it is limited.
-    weight = 1.0 / ((1.0 + heights**2) * np.maximum(points[:, 2], 1.0) ** 2)
+    weight = weights / ((1.0 + heights**2) * np.maximum(points[:, 2], 1.0)) ** 2
     design = np.column_stack((points[:, :2], np.ones(len(points))))
     normal_matrix = design.T @ (design * weight[:, np.newaxis])
     return np.linalg.solve(normal_matrix, design.T @ (weight * points[:, 2]))

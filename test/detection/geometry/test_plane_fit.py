@@ -51,7 +51,7 @@ def angle_deg(one, other):
 
 @pytest.mark.parametrize(
     ('pitch', 'roll', 'height'),
-    [(46, 0, 1.0), (20, 0, 1.5), (10, -8, 0.5), (65, 5, 2.0), (75, 0, 1.0), (5, 0, 0.4)],
+    [(46, 0, 1.0), (20, 0, 1.5), (10, -8, 0.5), (65, 5, 2.0), (68, 0, 1.0), (5, 0, 0.4)],
 )
 def test_ground_without_obstacles_is_found(pitch, roll, height):
     truth = ground(pitch, height, roll)
@@ -90,6 +90,62 @@ def test_known_gravity_rules_out_a_steep_bank():
     found = fit(noisy(np.maximum(level, steep)), gravity)
     assert found.up == gravity.up
     assert found.slope_deg < 30
+
+
+def wall_disparity(distance_m, pitch_deg):
+    up = np.array(Gravity.from_angles(pitch_deg).up)
+    ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    ahead /= np.linalg.norm(ahead)
+    wall = GroundPlane(tuple(-ahead), distance_m, tuple(up))
+    return np.maximum(DisparityPlane.from_ground(wall, CAMERA).disparity(CAMERA), 0)
+
+
+@pytest.mark.parametrize('pitch', [5, 15, 25])
+@pytest.mark.parametrize('ground_share', [0.2, 0.3, 0.5])
+def test_a_wall_is_not_the_ground_in_front_of_it(pitch, ground_share):
+    level = plane_disparity(ground(pitch, 1.0))
+    foot_row = round((1 - ground_share) * CAMERA.height)
+    distance_m = 1.0
+    for distance_m in np.arange(0.5, 12.0, 0.05):
+        wall = wall_disparity(distance_m, pitch)
+        if (level >= wall)[foot_row].all():
+            break
+    found = estimated(noisy(np.maximum(level, wall)))
+    assert angle_deg(found.normal, ground(pitch, 1.0).normal) < 2
+    assert found.height_m == pytest.approx(1.0, rel=0.05)
+
+
+@pytest.mark.parametrize('depth_m', [0.3, 0.8, 2.0])
+@pytest.mark.parametrize('brim_share', [0.4, 0.5])
+def test_a_floor_below_an_edge_is_not_the_ground_before_it(depth_m, brim_share):
+    near = plane_disparity(ground(25, 1.0))
+    low = plane_disparity(ground(25, 1.0 + depth_m))
+    brim_row = round((1 - brim_share) * CAMERA.height)
+    near[:brim_row] = low[:brim_row]
+    found = estimated(noisy(near))
+    assert angle_deg(found.normal, ground(25, 1.0).normal) < 4.5
+    assert found.height_m == pytest.approx(1.0, rel=0.08)
+
+
+@pytest.mark.parametrize('distance_m', [0.8, 2.0, 4.0])
+@pytest.mark.parametrize('pitch', [0, 5, 10])
+def test_a_wall_that_fills_the_view_is_no_ground(distance_m, pitch):
+    assert fit(noisy(wall_disparity(distance_m, pitch))) is None
+
+
+@pytest.mark.parametrize(('known_height_m', 'expected_m'), [(0.0, 0.5), (1.0, 1.0)])
+def test_a_known_height_tells_the_floor_from_a_table(known_height_m, expected_m):
+    disparity = plane_disparity(ground(30, 1.0))
+    disparity[:, 40:] = plane_disparity(ground(30, 0.5))[:, 40:]
+    parameters = replace(PARAMETERS, known_height_m=known_height_m)
+    found = estimated(noisy(disparity), parameters=parameters)
+    assert found.height_m == pytest.approx(expected_m, rel=0.05)
+
+
+def test_a_known_height_counts_where_no_plane_is_found():
+    parameters = replace(PARAMETERS, known_height_m=1.7)
+    found = estimated(np.zeros(CAMERA.shape, np.float32), parameters=parameters)
+    assert (found.height_m, found.measured) == (1.7, False)
 
 
 def test_missing_and_far_pixels_are_excluded():
@@ -166,7 +222,7 @@ def test_without_disparity_the_known_mounting_is_used():
 def test_without_disparity_and_gravity_a_level_camera_is_assumed():
     assumed = replace(PARAMETERS, default_height_m=0.4)
     found = estimated(np.zeros(CAMERA.shape, np.float32), parameters=assumed)
-    assert found == GroundPlane((0.0, -1.0, 0.0), 0.4, (0.0, -1.0, 0.0))
+    assert found == GroundPlane((0.0, -1.0, 0.0), 0.4, (0.0, -1.0, 0.0), measured=False)
 
 
 def test_points_beyond_the_range_are_excluded():
