@@ -1,0 +1,1 @@
+"""What a detector says of pairs that show too little, or that contradict their calibration."""
