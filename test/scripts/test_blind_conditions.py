@@ -6,12 +6,14 @@ import json
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import update_blind_conditions
 from blind_views import tiny_view
 from labelled import labelled_view
+from recordings import stereo_messages, write_ros2
 from studies.blind_views import detector, referred_to, views
 from update_blind_conditions import BLOCK, PAGE, chosen, under_all
 
@@ -87,6 +89,29 @@ def test_undamaged_detection_is_the_truth_of_unlabelled_pairs() -> None:
     error = np.abs(referred.depth_m[both] - frame.depth_m[both]) / frame.depth_m[both]
     assert np.median(error) < 0.02
     assert np.isnan(referred.depth_m[~detection.known]).all()
+
+
+def test_recording_needs_no_labels(tmp_path: Path) -> None:
+    bag = write_ros2(tmp_path / 'bare', stereo_messages(2))
+    first, second = views([bag], refuse)
+    np.testing.assert_array_equal(first.other, second.right)
+    # The reference was refused, so nothing is known to be true.
+    assert (first.labels == 255).all()
+    assert np.isnan(first.depth_m).all()
+    shape = first.camera.shape
+    answer = SimpleNamespace(
+        known=np.ones(shape, bool),
+        mask=np.zeros(shape, np.uint8),
+        disparity=np.full(shape, 2, np.float32),
+        ground=SimpleNamespace(up=(0.0, -1.0, 0.0)),
+    )
+    answer.mask[:4] = 255
+    judged, _ = views([bag], lambda view: answer)
+    assert (judged.labels[:4] == 1).all()
+    assert (judged.labels[4:] == 0).all()
+    assert judged.depth_m == pytest.approx(judged.camera.depth_m(2))
+    assert judged.up is not None
+    assert judged.up.up == (0.0, -1.0, 0.0)
 
 
 def test_recording_that_cannot_be_used_is_named(tmp_path: Path) -> None:
