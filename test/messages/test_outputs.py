@@ -184,6 +184,13 @@ def test_label_of_a_low_obstacle_shows_confidence_only():
     assert label.text == f'{obstacle.confidence:.2f}'
 
 
+def test_label_without_a_ground_plane_shows_no_height():
+    seen = detection()
+    assumed = replace(seen, ground=replace(seen.ground, measured=False))
+    label = encode('obstacle_markers', assumed).markers[2]
+    assert label.text == f'{seen.obstacles[0].confidence:.2f}'
+
+
 def test_box_is_more_opaque_with_higher_confidence():
     mask = np.zeros(SHAPE, np.uint8)
     mask[6:8, 8:10] = 255

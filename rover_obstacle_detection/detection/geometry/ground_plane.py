@@ -24,11 +24,14 @@ class GroundPlane:
         Distance of the left optical centre from the plane.
     up : tuple of float
         Unit vector against gravity. The normal itself where gravity is not known.
+    measured : bool
+        False where no plane was found: normal and height are then assumed.
     """
 
     normal: tuple[float, float, float]
     height_m: float
     up: tuple[float, float, float]
+    measured: bool = True
 
     @property
     def pitch_deg(self) -> float:

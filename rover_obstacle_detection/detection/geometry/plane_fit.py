@@ -53,7 +53,7 @@ def estimate_ground(
         return plane.in_space(camera, gravity)
     up = gravity.up if gravity else (0.0, -1.0, 0.0)
     height_m = (gravity.height_m if gravity else None) or parameters.default_height_m
-    return GroundPlane(normal=up, height_m=height_m, up=up)
+    return GroundPlane(normal=up, height_m=height_m, up=up, measured=False)
 
 
 def fit_ground_plane(

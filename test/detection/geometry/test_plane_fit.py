@@ -157,6 +157,7 @@ def test_slope_is_relative_to_known_gravity():
 def test_without_disparity_the_known_mounting_is_used():
     nothing = np.zeros(CAMERA.shape, np.float32)
     found = estimated(nothing, Gravity.from_angles(46.0, height_m=0.7))
+    assert not found.measured
     assert found.height_m == 0.7
     assert found.pitch_deg == pytest.approx(46)
     assert found.slope_deg == pytest.approx(0, abs=1e-5)
@@ -166,7 +167,7 @@ def test_without_disparity_the_known_mounting_is_used():
 def test_without_disparity_and_gravity_a_level_camera_is_assumed():
     assumed = replace(PARAMETERS, default_height_m=0.4)
     found = estimated(np.zeros(CAMERA.shape, np.float32), parameters=assumed)
-    assert found == GroundPlane((0.0, -1.0, 0.0), 0.4, (0.0, -1.0, 0.0))
+    assert found == GroundPlane((0.0, -1.0, 0.0), 0.4, (0.0, -1.0, 0.0), measured=False)
 
 
 def test_points_beyond_the_range_are_excluded():
