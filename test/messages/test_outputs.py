@@ -212,6 +212,25 @@ def test_obstacle_without_3d_points_has_no_markers():
     assert len(encode('obstacle_markers', detection(mask=mask)).markers) == 3
 
 
+def test_unjudgeable_pair_has_an_empty_ground_cloud_and_nothing_known():
+    made = {
+        name: output.encode_unknown(SHAPE, HEADER, FACTORY)
+        for name, output in OUTPUTS.items()
+        if output.encode_unknown
+    }
+    # An empty obstacle cloud or a black mask would mean that there is no obstacle.
+    assert set(made) == {'ground_points', 'debug/known'}
+    for message in made.values():
+        assert stamp_ns(message.header) == stamp_ns(HEADER)
+        assert message.header.frame_id == 'left_optical'
+    ground = made['ground_points']
+    assert [field.name for field in ground.fields] == ['x', 'y', 'z', 'height']
+    assert (ground.width, ground.height, len(ground.data)) == (0, 1, 0)
+    known = decode_image(made['debug/known'], 'known')
+    assert known.shape == SHAPE
+    assert not known.any()
+
+
 @pytest.mark.parametrize(
     ('name', 'draw'),
     [
