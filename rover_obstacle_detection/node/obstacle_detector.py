@@ -59,14 +59,19 @@ class ObstacleDetector(LifecycleNode):
         self.add_on_set_parameters_callback(partial(judge_change, self))
         self.add_post_set_parameters_callback(self._apply_change)
         logger = self.get_logger()
-        self._warn = Throttle(logger.warning)
+        # rclpy allows only one severity for each line that logs, and Throttle is one for all.
+        self._warn = Throttle(lambda text: logger.warning(text))
         self._statistics = NodeStatistics()
         self._calibration = LiveCalibration(
             self.resolve_topic_name('left/camera_info'),
             self.resolve_topic_name('right/camera_info'),
         )
         self._watch = PairingWatch()
-        self._watchdog = Watchdog(self._settings.watchdog, Throttle(logger.error), logger.info)
+        self._watchdog = Watchdog(
+            self._settings.watchdog,
+            on_fault=Throttle(lambda text: logger.error(text)),
+            on_recovery=logger.info,
+        )
         self._outputs: OutputPublishers | None = None
         self._inputs: StereoInputs | None = None
         self._gravity: GravityInput | None = None
