@@ -22,15 +22,19 @@ NODE_PARAMETER_NAMES = frozenset(
         'approximate_sync_tolerance_seconds',
         'autostart',
         'base_frame',
+        'frozen_after',
         'image_transport',
         'imu_pitch',
         'imu_roll',
         'imu_yaw',
+        'max_image_age',
         'queue_size',
         'rover_mask',
         'rover_polygon',
+        'stale_after',
         'start_type_description_service',
         'use_sim_time',
+        'watchdog',
     }
 )
 """Parameters of the live node only; ignored offline."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -136,6 +137,13 @@ PICTURES: Mapping[str, Callable[[Detection], Picture]] = {
 """The study's pictures by name, in the order of its steps."""
 
 
+def shown_obstacles(detection: Detection) -> tuple[Obstacle, ...]:
+    """Return the obstacles; their height is NaN if no ground was found to measure it from."""
+    if detection.ground.measured:
+        return detection.obstacles
+    return tuple(replace(each, max_height_m=math.nan) for each in detection.obstacles)
+
+
 def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
     """Return an obstacle's height and distance, such as ``21 cm @ 1.4 m``."""
     if not math.isfinite(obstacle.range_m):
@@ -187,7 +195,7 @@ def _label(picture: Picture, detection: Detection) -> None:
     speck_pixels = picture.shape[0] * picture.shape[1] // 8000
     taken: list[tuple[int, int, int, int]] = []
     nearest_first = sorted(
-        detection.obstacles,
+        shown_obstacles(detection),
         key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf,
     )
     for obstacle in nearest_first:

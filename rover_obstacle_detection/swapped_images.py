@@ -8,10 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.detector import Detector, OnStage
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.errors import ImageError
+from rover_obstacle_detection.errors import ImageError, UnjudgeablePairError
 
 # Width in pixels at which the pair is matched: 64 disparities then reach a quarter of the image.
 WIDTH = 256
@@ -24,6 +26,48 @@ SWAPPED_RATIO = 2.0
 SUSPICIOUS_SHARE = 0.5
 # Disparities in OpenCV's fixed-point maps are in sixteenths of a pixel.
 FIXED_POINT = 16
+
+
+def detect_unswapped(
+    detector: Detector,
+    left: NDArray[Any],
+    right: NDArray[Any],
+    left_name: str,
+    right_name: str,
+    *,
+    gravity: Gravity | None = None,
+    on_stage: OnStage | None = None,
+) -> Detection:
+    """Run a detector on a pair, and refuse swapped images; errors begin with the pair's names.
+
+    Parameters
+    ----------
+    detector : Detector
+    left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+        Grey or BGR.
+    left_name, right_name : str
+        Topics or files, for the error messages.
+    gravity, on_stage : optional
+        As for `Detector.detect`.
+
+    Raises
+    ------
+    ImageError
+        If left and right are swapped, or from the detector.
+    UnjudgeablePairError
+        From the detector.
+    """
+    try:
+        detection = detector.detect(left, right, gravity=gravity, on_stage=on_stage)
+    except ImageError as error:
+        raise ImageError(f'{left_name}, {right_name}: {error}') from error
+    except UnjudgeablePairError as error:
+        # Swapped images cannot be judged either, but the cause can be named.
+        if are_swapped(left, right, detector.camera):
+            raise _swapped(left_name, right_name) from error
+        raise UnjudgeablePairError(f'{left_name}, {right_name}: {error}') from error
+    refuse_swapped_images(detection, left, right, left_name, right_name)
+    return detection
 
 
 def refuse_swapped_images(
@@ -51,10 +95,7 @@ def refuse_swapped_images(
     """
     matched_share = np.count_nonzero(detection.disparity > 0) / detection.disparity.size
     if matched_share < SUSPICIOUS_SHARE and are_swapped(left, right, detection.camera):
-        raise ImageError(
-            f'{left_name}, {right_name}: disparities are negative: expected the left image from '
-            f'{left_name}; are left and right swapped?'
-        )
+        raise _swapped(left_name, right_name)
 
 
 def are_swapped(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> bool:
@@ -81,6 +122,13 @@ def are_swapped(left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -
     swapped = _matched_share(second, first, offset)
     return swapped > SWAPPED_SHARE and swapped > SWAPPED_RATIO * _matched_share(
         first, second, offset
+    )
+
+
+def _swapped(left_name: str, right_name: str) -> ImageError:
+    return ImageError(
+        f'{left_name}, {right_name}: disparities are negative: expected the left image from '
+        f'{left_name}; are left and right swapped?'
     )
 
 

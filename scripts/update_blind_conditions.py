@@ -1,11 +1,12 @@
 """Update the tables of docs/blind_conditions.md.
 
     python scripts/update_blind_conditions.py                       # all pairs of bags/
-    python scripts/update_blind_conditions.py --bags BAG...         # these recordings instead
+    python scripts/update_blind_conditions.py --frames 1            # the first pair of each
+    python scripts/update_blind_conditions.py --bags BAG... --print # other recordings
     python scripts/update_blind_conditions.py --frames 1 --conditions '*focus*' 'both*' --print
 
-The recordings need no labels. With --print or --json, the page is left alone. About 3 s for each
-strength and pair of one megapixel.
+The recordings need no labels. With --print or --json, the page is left alone. One pair of each bag
+takes about 4 minutes; progress is on stderr.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def main() -> None:
         sys.exit(str(error))
     results = under_all(conditions, given, judge)
     names = ', '.join(f'`{bag.name}`' for bag in bags)
-    content = f'{len(given)} pairs of {names}.\n\n{as_markdown(results)}'
+    count = f'{len(given)} pair{"s" if len(given) > 1 else ""}'
+    content = f'{count} of {names}.\n\n{as_markdown(results)}'
     if arguments.print:
         print(content)
     if arguments.json:

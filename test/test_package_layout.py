@@ -22,6 +22,7 @@ LAYERS = {
         'pictures',
         'rover_mask',
         'swapped_images',
+        'warning_kinds',
         'messages',
         'bags',
         'simulation',

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -127,6 +129,15 @@ def _obstacle(max_height_m, range_m):
 )
 def test_obstacle_label(max_height_m, range_m, label):
     assert pictures.obstacle_label(_obstacle(max_height_m, range_m), 0.10) == label
+
+
+def test_without_a_ground_plane_obstacles_have_no_height():
+    seen = small_detection()
+    assert pictures.shown_obstacles(seen) == seen.obstacles
+    assumed = replace(seen, ground=replace(seen.ground, measured=False))
+    (shown,) = pictures.shown_obstacles(assumed)
+    assert np.isnan(shown.max_height_m)
+    assert shown.range_m == seen.obstacles[0].range_m
 
 
 def _large_detection(mask):

@@ -58,11 +58,21 @@ class StereoPair:
 
 @dataclass(frozen=True)
 class BadFrame:
-    """A message or pair that cannot be used, and why."""
+    """A message or pair that cannot be used, and why.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    topic : str
+    reason : str
+    unjudgeable : bool
+        Whether it is a decoded pair that the detector cannot judge.
+    """
 
     stamp_ns: int
     topic: str
     reason: str
+    unjudgeable: bool = False
 
 
 def read_pairs(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from pathlib import Path
 
 from rover_obstacle_detection.cli.arguments import (
@@ -12,6 +13,8 @@ from rover_obstacle_detection.cli.arguments import (
     add_output_arguments,
     detector_config,
 )
+
+_logger = logging.getLogger(__name__)
 
 DESCRIPTION = """\
 Detect obstacles in one rectified pair of image files.
@@ -46,12 +49,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Detect the obstacles and print a table of them."""
+    """Detect the obstacles; print warnings and a table of the obstacles."""
     from rich.console import Console
 
     from rover_obstacle_detection.offline.detect_pair import detect_pair
     from rover_obstacle_detection.offline.output_folder import check_output_folder
     from rover_obstacle_detection.offline.summary_table import obstacle_table
+    from rover_obstacle_detection.pictures import shown_obstacles
     from rover_obstacle_detection.rover_mask import RoverMask
 
     check_output_folder(arguments.output, force=arguments.force)
@@ -64,6 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
         force=arguments.force,
     )
-    Console(highlight=False).print(obstacle_table(detection.obstacles))
+    for warning in detection.warnings:
+        _logger.warning(warning)
+    Console(highlight=False).print(obstacle_table(shown_obstacles(detection)))
     print(f'overlay: {arguments.output / "overlay.png"}')
     return 0

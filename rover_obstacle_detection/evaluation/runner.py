@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.errors import UnjudgeablePairError
 from rover_obstacle_detection.evaluation.causes import FrameCauses
 from rover_obstacle_detection.evaluation.distributions import Distribution, TerrainDistributions
 from rover_obstacle_detection.evaluation.faults import find_faults
@@ -20,7 +21,7 @@ from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.losses import measure_losses
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
-from rover_obstacle_detection.evaluation.methods.method import Mask, Method
+from rover_obstacle_detection.evaluation.methods.method import Mask, Method, as_mask
 from rover_obstacle_detection.evaluation.methods.registry import USE_CLEARANCE, make_method
 from rover_obstacle_detection.evaluation.overlay import judgement_picture
 from rover_obstacle_detection.evaluation.plain_stereo import plain_stereo_seconds
@@ -101,8 +102,8 @@ class SceneRun:
         for name, by_clearance in self._curve_methods.items():
             sums = self._curves.setdefault(name, {})
             for max_step_m, method in by_clearance.items():
-                mask, detection = _run(method, frame)
-                figures = score(mask, frame.labels, frame.instances, _known(detection))
+                mask, known, _ = _run(method, frame)
+                figures = score(mask, frame.labels, frame.instances, known)
                 sums[max_step_m] = sums.get(max_step_m, Figures()) + figures
 
     def evaluation(self, problems: Iterable[str] = ()) -> Evaluation:
@@ -130,11 +131,11 @@ class SceneRun:
         for _ in range(self._options.repeat):
             plain_seconds.append(plain_stereo_seconds(frame.camera, frame.left, frame.right))
             started = time.perf_counter()
-            mask, detection = _run(method, frame)
+            mask, known, detection = _run(method, frame)
             seconds.append(time.perf_counter() - started)
             if sum(seconds) > ENOUGH_SECONDS:
                 break
-        truth, known = (frame.labels, frame.instances), _known(detection)
+        truth = frame.labels, frame.instances
         result = FrameResult(
             frame.stamp_ns,
             score(mask, *truth, known),
@@ -195,15 +196,19 @@ def _curve_methods(options: RunOptions) -> dict[str, dict[float, Method]]:
     }
 
 
-def _run(method: Method, frame: LabelledFrame) -> tuple[Mask, Detection | None]:
-    if isinstance(method, DetectorMethod):
+def _run(
+    method: Method, frame: LabelledFrame
+) -> tuple[Mask, NDArray[np.bool_] | None, Detection | None]:
+    """Return the mask, the judged pixels and the detection; None where the method has none."""
+    if not isinstance(method, DetectorMethod):
+        return method(frame.camera, frame.left, frame.right), None, None
+    try:
         detection = method.detect(frame.camera, frame.left, frame.right)
-        return detection.mask, detection
-    return method(frame.camera, frame.left, frame.right), None
-
-
-def _known(detection: Detection | None) -> NDArray[np.bool_] | None:
-    return None if detection is None else detection.known
+    except UnjudgeablePairError:
+        # All is unknown: no obstacle is found, and nothing is called free.
+        nothing = np.zeros(frame.camera.shape, np.bool_)
+        return as_mask(nothing), nothing, None
+    return detection.mask, detection.known, detection
 
 
 def _jpeg(frame: LabelledFrame, mask: Mask) -> bytes:

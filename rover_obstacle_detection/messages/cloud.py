@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.messages.factory import MessageFactory
 
 FIELDS = ('x', 'y', 'z', 'height', 'confidence')
+GROUND_FIELDS = FIELDS[:4]
 """Field names in order; ground clouds have no confidence."""
 
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32

@@ -8,7 +8,7 @@ from typing import Any
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.messages.factory import MessageFactory
-from rover_obstacle_detection.pictures import is_tall
+from rover_obstacle_detection.pictures import is_tall, shown_obstacles
 
 BOXES = 'obstacles'
 LABELS = 'labels'
@@ -49,7 +49,7 @@ def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -
     )
     placed = [
         (number, obstacle)
-        for number, obstacle in enumerate(detection.obstacles)
+        for number, obstacle in enumerate(shown_obstacles(detection))
         if all(map(math.isfinite, (*obstacle.minimum_m, *obstacle.maximum_m)))
     ]
     boxes = [_box(number, obstacle, header, factory) for number, obstacle in placed]

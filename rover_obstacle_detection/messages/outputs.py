@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.messages.cloud import encode_cloud
+from rover_obstacle_detection.messages.cloud import GROUND_FIELDS, encode_cloud
 from rover_obstacle_detection.messages.disparity import encode_disparity
 from rover_obstacle_detection.messages.factory import MessageFactory
 from rover_obstacle_detection.messages.image import encode_image
@@ -36,10 +36,15 @@ class Output:
         For example ``sensor_msgs/msg/Image``.
     encode : callable
         Makes the message from a detection, the left image's header and a message factory.
+    encode_unknown : callable, optional
+        Makes the message for a pair that cannot be judged, from the images' height and width,
+        the left image's header and a message factory. None: no message, because every message of
+        this topic would say that there is no obstacle.
     """
 
     type_name: str
     encode: Callable[[Detection, Any, MessageFactory], Any]
+    encode_unknown: Callable[[tuple[int, int], Any, MessageFactory], Any] | None = None
 
 
 def _image(pixels: Callable[[Detection], NDArray[np.uint8]], encoding: str) -> Output:
@@ -58,14 +63,26 @@ def _cloud(points: Callable[[Detection], NDArray[np.float32]]) -> Output:
     )
 
 
+def _no_ground(shape: tuple[int, int], header: Any, factory: MessageFactory) -> Any:
+    return encode_cloud(np.zeros((0, len(GROUND_FIELDS)), np.float32), header, factory)
+
+
+def _nothing_known(shape: tuple[int, int], header: Any, factory: MessageFactory) -> Any:
+    return encode_image(np.zeros(shape, np.uint8), 'mono8', header, factory)
+
+
 OUTPUTS: Mapping[str, Output] = {
     'obstacle_mask': _image(lambda detection: detection.mask, 'mono8'),
     'obstacle_points': _cloud(lambda detection: detection.obstacle_points),
-    'ground_points': _cloud(lambda detection: detection.ground_points),
+    'ground_points': replace(
+        _cloud(lambda detection: detection.ground_points), encode_unknown=_no_ground
+    ),
     'disparity': Output('stereo_msgs/msg/DisparityImage', encode_disparity),
     'obstacle_markers': Output('visualization_msgs/msg/MarkerArray', encode_markers),
     'detection_image': _image(overlay_picture, 'bgr8'),
-    'debug/known': _image(lambda detection: detection.known * KNOWN, 'mono8'),
+    'debug/known': replace(
+        _image(lambda detection: detection.known * KNOWN, 'mono8'), encode_unknown=_nothing_known
+    ),
     'debug/regions': _image(regions_picture, 'bgr8'),
     'debug/seeds': _image(seeds_picture, 'bgr8'),
     'debug/roughness_step': _image(roughness_step_picture, 'bgr8'),

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.node.statistics import Snapshot
+from rover_obstacle_detection.node.statistics import Recent, Snapshot
+from rover_obstacle_detection.node.watchdog import NO_FAULTS, Faults
 from rover_obstacle_detection.pairing import PairingStatistics
 
 OK, WARN, ERROR, STALE = range(4)
@@ -56,6 +57,10 @@ class NodeState:
         Why images arrive but no pairs; empty if pairs arrive.
     gravity_problem : str
         Why the configured gravity source fails; empty if it works.
+    faults : Faults
+        What the watchdog found.
+    image_age_s : float or None
+        Age of the latest pair when it arrived; None if its stamp is of another clock.
     """
 
     lifecycle: str
@@ -66,6 +71,8 @@ class NodeState:
     calibration_problem: str
     pairing_problem: str = ''
     gravity_problem: str = ''
+    faults: Faults = NO_FAULTS
+    image_age_s: float | None = None
 
 
 def statuses(state: NodeState) -> tuple[Status, ...]:
@@ -78,6 +85,7 @@ def _input(state: NodeState) -> Status:
     values = {
         'pair rate (Hz)': f'{counts.pair_rate_hz:.2f}',
         'images lost on the way': str(counts.lost),
+        'image age (ms)': _optional(state.image_age_s, 1000, 1),
     }
     if pairing is not None:
         values |= {
@@ -96,6 +104,8 @@ def _judge_input(state: NodeState) -> tuple[int, str]:
         return OK, f'{state.lifecycle}: not subscribed to images'
     if not state.subscribed:
         return OK, IDLE
+    if state.faults.input:
+        return ERROR, ': '.join(filter(None, (state.faults.input, state.pairing_problem)))
     if state.pairing_problem:
         return WARN, state.pairing_problem
     if state.counts.pair_rate_hz == 0:
@@ -141,8 +151,11 @@ def _detection(state: NodeState) -> Status:
         'latency p95 (ms)': _optional(counts.latency_p95_ms, 1, 1),
         'dropped frames': str(counts.dropped),
         'bad frames': str(counts.bad_frames),
+        'frames with warnings': str(counts.warned),
         'valid disparity (%)': _optional(counts.latest.valid_share, 100, 1),
         'obstacles (% of pixels)': _optional(counts.latest.obstacle_share, 100, 1),
+        'camera height (m)': _optional(counts.latest.camera_height_m, 1, 2),
+        'camera pitch (deg)': _optional(counts.latest.camera_pitch_deg, 1, 1),
     }
     values |= {f'bad frames: {reason}': str(number) for reason, number in counts.bad.items()}
     return Status('detection', *_judge_detection(state), values)
@@ -150,17 +163,33 @@ def _detection(state: NodeState) -> Status:
 
 def _judge_detection(state: NodeState) -> tuple[int, str]:
     counts, valid_share = state.counts, state.counts.latest.valid_share
+    recent = counts.recent
     if state.lifecycle != 'active':
         return OK, state.lifecycle
     if not state.subscribed:
         return OK, IDLE
+    if state.faults.detection:
+        return ERROR, state.faults.detection
+    if recent.failed and not recent.judged:
+        return ERROR, _failures(recent)
     if counts.pair_rate_hz > 0 and counts.detection_rate_hz == 0:
         return ERROR, 'pairs arrive, none can be used'
+    if recent.failed:
+        return WARN, _failures(recent)
     if state.gravity_problem:
         return WARN, state.gravity_problem
+    if recent.warnings:
+        return WARN, '; '.join(recent.warnings)
     if valid_share is not None and valid_share < MIN_VALID_SHARE:
         return WARN, f'only {valid_share:.0%} of the pixels have a disparity'
     return OK, f'{counts.detection_rate_hz:.1f} detections per second'
+
+
+def _failures(recent: Recent) -> str:
+    total = recent.judged + recent.failed
+    if not recent.judged:
+        return f'none of the last {total} pairs could be judged: {recent.problem}'
+    return f'{recent.failed} of the last {total} pairs could not be judged: {recent.problem}'
 
 
 def _optional(value: float | None, factor: float, digits: int) -> str:

@@ -133,6 +133,7 @@ class StereoInputs:
             self._calibration.expect_confirmation()
             self._subscribe_infos()
         self._losses = (LossCounter(), LossCounter())
+        self._statistics.forget_outcomes()
         self._images = [
             subscribe(
                 self._node, IMAGE_TYPES[self._transport], topic, partial(self._take_image, side)

@@ -81,7 +81,9 @@ def _spin(stop: StopSignals, warning: str | None) -> None:
         node.start()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        spinner = Spinner(executor, node.get_logger().error, stop.request)
+        logger = node.get_logger()
+        # rclpy allows only one severity for each line that logs, and Throttle is one for all.
+        spinner = Spinner(executor, lambda text: logger.error(text), stop.request)
         stop.wait()
         spinner.stop()
     finally:

@@ -13,6 +13,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.diagnostics import NodeState, Status, statuses
 from rover_obstacle_detection.node.gravity_input import GravityInput
@@ -30,6 +31,7 @@ from rover_obstacle_detection.node.publishers import OutputPublishers
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
 from rover_obstacle_detection.node.throttle import Throttle
+from rover_obstacle_detection.node.watchdog import Watchdog
 from rover_obstacle_detection.node.worker import DetectionWorker, ImagePair, Sources
 
 NAME = 'obstacle_detector'
@@ -57,13 +59,19 @@ class ObstacleDetector(LifecycleNode):
         self.add_on_set_parameters_callback(partial(judge_change, self))
         self.add_post_set_parameters_callback(self._apply_change)
         logger = self.get_logger()
-        self._warn = Throttle(logger.warning)
+        # rclpy allows only one severity for each line that logs, and Throttle is one for all.
+        self._warn = Throttle(lambda text: logger.warning(text))
         self._statistics = NodeStatistics()
         self._calibration = LiveCalibration(
             self.resolve_topic_name('left/camera_info'),
             self.resolve_topic_name('right/camera_info'),
         )
         self._watch = PairingWatch()
+        self._watchdog = Watchdog(
+            self._settings.watchdog,
+            on_fault=Throttle(lambda text: logger.error(text)),
+            on_recovery=logger.info,
+        )
         self._outputs: OutputPublishers | None = None
         self._inputs: StereoInputs | None = None
         self._gravity: GravityInput | None = None
@@ -174,6 +182,7 @@ class ObstacleDetector(LifecycleNode):
         gravity, self._gravity = self._gravity, None
         if inputs is not None:
             inputs.destroy()
+        self._watchdog.stop()
         if worker is not None:
             worker.stop()
         if gravity is not None:
@@ -188,14 +197,26 @@ class ObstacleDetector(LifecycleNode):
     def _follow_subscribers(self) -> None:
         if self._inputs is None or self._outputs is None:
             return
-        if self._outputs.has_subscribers:
-            self._inputs.start()
-        else:
+        if not self._outputs.has_subscribers:
             self._inputs.stop()
+            self._watchdog.stop()
+        elif not self._inputs.subscribed:
+            self._inputs.start()
+            self._watchdog.start(self._now_s())
+
+    def _now_s(self) -> float:
+        # Simulated time, which can pause; otherwise a clock that nobody sets.
+        clock = self.get_clock()
+        return clock.now().nanoseconds / 1e9 if clock.ros_time_is_active else time.monotonic()
 
     def _submit(self, pair: ImagePair) -> None:
-        if self._worker is not None:
-            self._worker.submit(pair)
+        if self._worker is None:
+            return
+        stamp = stamp_ns(pair.left.header)
+        age_s = (self.get_clock().now().nanoseconds - stamp) / 1e9
+        images = pair.left.data, pair.right.data
+        fault = self._watchdog.take(images, stamp, self._now_s(), age_s)
+        self._worker.submit(pair._replace(fault=fault))
 
     def _apply_change(self, changes: list[Any]) -> None:
         if not concerns_settings(changes):
@@ -207,20 +228,25 @@ class ObstacleDetector(LifecycleNode):
             _gravity_settings(before) != _gravity_settings(self._settings)
         ):
             self._gravity.configure(self._settings)
+        if before.watchdog != self._settings.watchdog:
+            self._watchdog.configure(self._settings.watchdog)
 
     def _tick(self) -> None:
         inputs, gravity = self._inputs, self._gravity
         now_s = time.monotonic()
         camera, calibration_problem = self._calibration.state
+        counts = self._statistics.snapshot()
         state = NodeState(
             lifecycle=self._state_machine.current_state[1],
             subscribed=inputs is not None and inputs.subscribed,
-            counts=self._statistics.snapshot(),
+            counts=counts,
             pairing=None if inputs is None else inputs.pairing,
             camera=camera,
             calibration_problem=calibration_problem,
             pairing_problem='' if inputs is None else self._watch.check(inputs.pairing, now_s),
             gravity_problem='' if gravity is None else gravity.problem,
+            faults=self._watchdog.check(self._now_s(), counts),
+            image_age_s=self._watchdog.image_age_s,
         )
         self._diagnostics.publish(self._array(statuses(state)))
         if inputs is None or now_s - self._active_since_s < GRACE_S:

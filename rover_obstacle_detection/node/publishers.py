@@ -67,6 +67,20 @@ class OutputPublishers:
             if publisher.get_subscription_count():
                 publisher.publish(output.encode(detection, header, self._factory))
 
+    def publish_unknown(self, shape: tuple[int, int], header: Any) -> None:
+        """Publish for a pair that cannot be judged: no ground is known to be free.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Height and width of the images.
+        header : std_msgs/Header
+            Header of the left image, used for every message.
+        """
+        for output, publisher in self._publishers:
+            if output.encode_unknown is not None and publisher.get_subscription_count():
+                publisher.publish(output.encode_unknown(shape, header, self._factory))
+
     def destroy(self) -> None:
         """Remove the topics."""
         for _, publisher in self._publishers:

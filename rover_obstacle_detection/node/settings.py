@@ -8,6 +8,7 @@ from typing import Any
 
 from rover_obstacle_detection.detection.config import DetectorConfig, ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.node.watchdog import WatchdogLimits
 from rover_obstacle_detection.rover_mask import RoverMask
 
 IMAGE_TRANSPORTS = ('raw', 'compressed')
@@ -64,6 +65,38 @@ NODE_PARAMETERS = (
         'are excluded from detection.',
     ),
     ParameterDescription(
+        'watchdog',
+        True,
+        'Watch the input: while an image does not change, publish no free ground; report frozen, '
+        'missing, late and unjudgeable pairs as errors on /diagnostics. A simulator without image '
+        'noise repeats the images of a standing rover: set false there.',
+    ),
+    ParameterDescription(
+        'frozen_after',
+        10,
+        'Watchdog: pairs in a row that repeat an image byte for byte, with new stamps, after '
+        'which the camera counts as frozen.',
+        1,
+        10000,
+    ),
+    ParameterDescription(
+        'stale_after',
+        2.0,
+        'Watchdog: time without a pair, or without one that can be judged, after which it is an '
+        'error (s).',
+        0.1,
+        3600.0,
+    ),
+    ParameterDescription(
+        'max_image_age',
+        2.0,
+        "Watchdog: age of an image on arrival, the node's clock minus its stamp, above which it "
+        'is an error (s). Not judged if the stamps are of another clock: in the future or more '
+        'than a minute old from the start.',
+        0.01,
+        3600.0,
+    ),
+    ParameterDescription(
         'autostart', True, 'Configure and activate at start-up, without a lifecycle manager.'
     ),
 )
@@ -86,6 +119,8 @@ class Settings:
     imu_angles_deg : tuple of float
         Roll, pitch and yaw of the IMU frame in the left optical frame (deg).
     rover_mask : RoverMask or None
+    watchdog : WatchdogLimits or None
+        None: no watchdog.
     autostart : bool
     """
 
@@ -96,6 +131,7 @@ class Settings:
     base_frame: str
     imu_angles_deg: tuple[float, float, float]
     rover_mask: RoverMask | None
+    watchdog: WatchdogLimits | None
     autostart: bool
 
     @classmethod
@@ -131,8 +167,19 @@ class Settings:
             base_frame=own['base_frame'],
             imu_angles_deg=(own['imu_roll'], own['imu_pitch'], own['imu_yaw']),
             rover_mask=RoverMask.load(own['rover_mask'], own['rover_polygon']),
+            watchdog=_watchdog_limits(own),
             autostart=own['autostart'],
         )
+
+
+def _watchdog_limits(values: Mapping[str, Any]) -> WatchdogLimits | None:
+    if not values['watchdog']:
+        return None
+    return WatchdogLimits(
+        frozen_after=values['frozen_after'],
+        stale_after_s=values['stale_after'],
+        max_image_age_s=values['max_image_age'],
+    )
 
 
 def all_parameters() -> tuple[ParameterDescription, ...]:

@@ -13,6 +13,8 @@ import numpy as np
 RATE_WINDOW_S = 5.0
 # Detections over which the latency percentiles are taken.
 LATENCY_WINDOW = 100
+# A little more than the period of the diagnostics, so that every outcome is reported once.
+RECENT_S = 1.2
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,36 @@ class DetectionFigures:
     rows_off_px, lens_bend_px : float or None
         Residual rectification error that was corrected: row misalignment, and mean displacement
         by lens distortion (px).
+    camera_height_m, camera_pitch_deg : float or None
+        Pose of the camera over the visible ground; None if no ground was found.
     """
 
     valid_share: float | None = None
     obstacle_share: float | None = None
     rows_off_px: float | None = None
     lens_bend_px: float | None = None
+    camera_height_m: float | None = None
+    camera_pitch_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class Recent:
+    """The pairs whose detection ended within `RECENT_S`, or else the latest one.
+
+    Parameters
+    ----------
+    judged, failed : int
+        Pairs with and without a detection.
+    problem : str
+        Why the latest failed pair has none; empty if none failed.
+    warnings : tuple of str
+        Warnings of the latest detection that has any.
+    """
+
+    judged: int = 0
+    failed: int = 0
+    problem: str = ''
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,6 +81,12 @@ class Snapshot:
         100 detections; None before the first.
     latest : DetectionFigures
         Figures of the latest detection.
+    warned : int
+        Detections with warnings.
+    recent : Recent
+        What became of the latest pairs.
+    failing_s : float
+        Time since the first pair that failed after the latest detection (s); 0 if none did.
     """
 
     pair_rate_hz: float
@@ -66,6 +98,9 @@ class Snapshot:
     latency_p50_ms: float | None
     latency_p95_ms: float | None
     latest: DetectionFigures
+    warned: int = 0
+    recent: Recent = Recent()
+    failing_s: float = 0.0
 
     @property
     def bad_frames(self) -> int:
@@ -93,6 +128,9 @@ class NodeStatistics:
         self._bad: Counter[str] = Counter()
         self._latencies_s: deque[float] = deque(maxlen=LATENCY_WINDOW)
         self._latest = DetectionFigures()
+        self._warned = 0
+        self._outcomes: deque[_Outcome] = deque(maxlen=LATENCY_WINDOW)
+        self._failing_since_s: float | None = None
 
     def pair(self) -> None:
         """Count a pair that arrived."""
@@ -109,15 +147,44 @@ class NodeStatistics:
         with self._lock:
             self._lost += count
 
-    def bad_frame(self, reason: str) -> None:
-        """Count an unusable frame under a short reason."""
+    def bad_frame(self, reason: str, problem: str = '') -> None:
+        """Count an unusable frame under a short reason.
+
+        Parameters
+        ----------
+        reason : str
+        problem : str, optional
+            For a complete pair: why it has no detection, in full.
+        """
         with self._lock:
             self._bad[reason] += 1
+            if problem:
+                now_s = self._clock()
+                self._outcomes.append(_Outcome(now_s, problem))
+                if self._failing_since_s is None:
+                    self._failing_since_s = now_s
 
-    def detection(self, latency_s: float, figures: DetectionFigures) -> None:
+    def withheld(self, problem: str) -> None:
+        """Count a pair that was not given to the detector, because an image is frozen."""
+        with self._lock:
+            self._bad['frozen image'] += 1
+            self._outcomes.append(_Outcome(self._clock(), problem))
+
+    def forget_outcomes(self) -> None:
+        """Forget what became of earlier pairs; all counts are kept."""
+        with self._lock:
+            self._outcomes.clear()
+            self._failing_since_s = None
+
+    def detection(
+        self, latency_s: float, figures: DetectionFigures, warnings: tuple[str, ...] = ()
+    ) -> None:
         """Count a published detection."""
         with self._lock:
             self._detected += 1
+            self._warned += bool(warnings)
+            self._failing_since_s = None
+            self._outcomes.append(_Outcome(self._clock(), warnings=warnings))
             self._detections.add(self._clock())
             self._latencies_s.append(latency_s)
             self._latest = figures
@@ -126,6 +193,7 @@ class NodeStatistics:
         """Return all counters."""
         with self._lock:
             now_s = self._clock()
+            failing_since_s = self._failing_since_s
             p50_ms = p95_ms = None
             if self._latencies_s:
                 p50_ms, p95_ms = (np.percentile(self._latencies_s, (50, 95)) * 1000).tolist()
@@ -139,7 +207,33 @@ class NodeStatistics:
                 latency_p50_ms=p50_ms,
                 latency_p95_ms=p95_ms,
                 latest=self._latest,
+                warned=self._warned,
+                recent=self._recent(now_s),
+                failing_s=0.0 if failing_since_s is None else now_s - failing_since_s,
             )
+
+    def _recent(self, now_s: float) -> Recent:
+        outcomes = [each for each in self._outcomes if now_s - each.time_s <= RECENT_S]
+        if not outcomes:
+            # Pairs can be further apart than the window.
+            outcomes = list(self._outcomes)[-1:]
+        problems = [each.problem for each in outcomes if each.problem]
+        warnings = [each.warnings for each in outcomes if each.warnings]
+        return Recent(
+            judged=len(outcomes) - len(problems),
+            failed=len(problems),
+            problem=problems[-1] if problems else '',
+            warnings=warnings[-1] if warnings else (),
+        )
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """When a pair's detection ended, and how."""
+
+    time_s: float
+    problem: str = ''
+    warnings: tuple[str, ...] = ()
 
 
 class _Rate:

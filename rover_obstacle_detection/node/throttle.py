@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import re
 import threading
 import time
 from collections.abc import Callable
+
+from rover_obstacle_detection.warning_kinds import kind_of
 
 REPEAT_S = 10.0
 # Bounds the memory for messages that never repeat.
@@ -40,7 +41,7 @@ class Throttle:
 
     def __call__(self, message: str) -> None:
         """Pass the message on if it is new or due again."""
-        kind = re.sub(r'\d+', '#', message)
+        kind = kind_of(message)
         now_s = self._clock()
         with self._lock:
             last_s = self._last_s.get(kind)

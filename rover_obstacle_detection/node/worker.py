@@ -16,13 +16,17 @@ from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.errors import ImageError, ObstacleDetectionError
+from rover_obstacle_detection.errors import (
+    ImageError,
+    ObstacleDetectionError,
+    UnjudgeablePairError,
+)
 from rover_obstacle_detection.messages.image import decode_any_image
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import DetectionFigures, NodeStatistics
-from rover_obstacle_detection.swapped_images import refuse_swapped_images
+from rover_obstacle_detection.swapped_images import detect_unswapped
 
 # `stop` waits for a running detection; one that hangs must not keep the node from exiting.
 STOP_TIMEOUT_S = 20.0
@@ -38,11 +42,14 @@ class ImagePair(NamedTuple):
     left, right : sensor_msgs/Image or CompressedImage
     arrival_s : float
         Monotonic time at which the second of them arrived.
+    fault : str
+        Why the pair must not be judged; empty if it may be.
     """
 
     left: Any
     right: Any
     arrival_s: float
+    fault: str = ''
 
 
 class Publishes(Protocol):
@@ -50,6 +57,9 @@ class Publishes(Protocol):
 
     def publish(self, detection: Detection, header: Any) -> None:
         """Publish the outputs of a detection."""
+
+    def publish_unknown(self, shape: tuple[int, int], header: Any) -> None:
+        """Publish that nothing is known of a pair."""
 
 
 @dataclass(frozen=True)
@@ -117,39 +127,50 @@ class DetectionWorker:
             try:
                 self._process(pair)
             except ObstacleDetectionError as error:
-                self._statistics.bad_frame(type(error).__name__)
-                self._warn(str(error))
+                self._fail(type(error).__name__, str(error))
             except Exception as error:
                 # An unforeseen error costs one frame, not the node.
-                self._statistics.bad_frame(type(error).__name__)
-                self._warn(f'detection failed: {traceback.format_exc()}')
+                name = type(error).__name__
+                self._fail(name, f'{name}: {error}', f'detection failed: {traceback.format_exc()}')
+
+    def _fail(self, reason: str, problem: str, log: str = '') -> None:
+        self._statistics.bad_frame(reason, problem)
+        self._warn(log or problem)
 
     def _process(self, pair: ImagePair) -> None:
         camera = self._calibration.wait_for_camera(CALIBRATION_TIMEOUT_S)
         if camera is None:
-            self._statistics.bad_frame('no calibration')
-            self._warn(self._calibration.state[1])
+            self._fail('no calibration', self._calibration.state[1])
             return
-        left, right = (
-            decode_any_image(message, topic)
-            for message, topic in zip((pair.left, pair.right), self._sources.topics(), strict=True)
-        )
-        self._check_sizes(left, right, camera)
         header = pair.left.header
-        detection = self._detector_for(camera).detect(
-            left, right, gravity=self._sources.gravity(header)
-        )
-        refuse_swapped_images(detection, left, right, *self._sources.topics())
+        if pair.fault:
+            self._outputs.publish_unknown(camera.shape, header)
+            self._statistics.withheld(pair.fault)
+            return
+        left_topic, right_topic = self._sources.topics()
+        left = decode_any_image(pair.left, left_topic)
+        right = decode_any_image(pair.right, right_topic)
+        self._check_sizes(left, right, camera)
+        gravity = self._sources.gravity(header)
+        detector = self._detector_for(camera)
+        try:
+            detection = detect_unswapped(
+                detector, left, right, left_topic, right_topic, gravity=gravity
+            )
+        except UnjudgeablePairError as error:
+            self._outputs.publish_unknown(camera.shape, header)
+            self._fail('unjudgeable pair', str(error))
+            return
         self._outputs.publish(detection, header)
+        source = self._sources.settings().config.gravity_source
+        has_vertical = gravity is not None or source == 'parameters'
         self._statistics.detection(
             time.monotonic() - pair.arrival_s,
-            DetectionFigures(
-                valid_share=np.count_nonzero(detection.disparity > 0) / detection.disparity.size,
-                obstacle_share=np.count_nonzero(detection.mask) / detection.mask.size,
-                rows_off_px=detection.alignment.most_px(camera),
-                lens_bend_px=detection.lenses.mean_bend_px(camera),
-            ),
+            _figures(detection, camera, has_vertical=has_vertical),
+            detection.warnings,
         )
+        for warning in detection.warnings:
+            self._warn(warning)
 
     def _check_sizes(self, left: NDArray[Any], right: NDArray[Any], camera: StereoCamera) -> None:
         left_topic, right_topic = self._sources.topics()
@@ -174,3 +195,17 @@ class DetectionWorker:
             pixels = None if mask is None else mask.pixels(camera.height, camera.width)
             self._detector = camera, settings, Detector(camera, settings.config, pixels)
         return self._detector[2]
+
+
+def _figures(
+    detection: Detection, camera: StereoCamera, *, has_vertical: bool
+) -> DetectionFigures:
+    ground = detection.ground
+    return DetectionFigures(
+        valid_share=np.count_nonzero(detection.disparity > 0) / detection.disparity.size,
+        obstacle_share=np.count_nonzero(detection.mask) / detection.mask.size,
+        rows_off_px=detection.alignment.most_px(camera),
+        lens_bend_px=detection.lenses.mean_bend_px(camera),
+        camera_height_m=ground.height_m if ground.measured else None,
+        camera_pitch_deg=ground.pitch_deg if ground.measured or has_vertical else None,
+    )

@@ -22,8 +22,9 @@ from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_
 from rover_obstacle_detection.offline.ply import write_ply
 from rover_obstacle_detection.offline.stopwatch import Stopwatch
 from rover_obstacle_detection.offline.summary import FrameSummary, obstacle_json, preamble
+from rover_obstacle_detection.pictures import shown_obstacles
 from rover_obstacle_detection.rover_mask import RoverMask
-from rover_obstacle_detection.swapped_images import refuse_swapped_images
+from rover_obstacle_detection.swapped_images import detect_unswapped
 
 OUTPUT_FILES = (
     'mask.png',
@@ -64,18 +65,16 @@ def detect_pair(
     Raises
     ------
     ObstacleDetectionError
-        If a file cannot be read or the files do not match.
+        If a file cannot be read, the files do not match or the pair cannot be judged.
     """
     camera = load_stereo_calibration(*calibration).camera
     left_image, right_image = read_image(left), read_image(right)
     detector = Detector(camera, config, rover.pixels(*camera.shape) if rover else None)
     stopwatch = Stopwatch()
-    try:
-        detection = detector.detect(left_image, right_image, on_stage=stopwatch.lap)
-    except ImageError as error:
-        raise ImageError(f'{left}, {right}: {error}') from error
+    detection = detect_unswapped(
+        detector, left_image, right_image, str(left), str(right), on_stage=stopwatch.lap
+    )
     stage_ms = stopwatch.take_ms()
-    refuse_swapped_images(detection, left_image, right_image, str(left), str(right))
     with output_folder(output, force=force, replaces=OUTPUT_FILES) as folder:
         write_png(folder / 'mask.png', detection.mask)
         write_ply(folder / 'points.ply', detection.obstacle_points, detection.ground_points)
@@ -87,7 +86,8 @@ def detect_pair(
                 'images': {'left': str(left), 'right': str(right)},
                 'camera': asdict(camera),
                 **FrameSummary.of(detection).as_json(),
-                'obstacle_list': [obstacle_json(each) for each in detection.obstacles],
+                'warnings': list(detection.warnings),
+                'obstacle_list': [obstacle_json(each) for each in shown_obstacles(detection)],
                 'stage_ms': stage_ms,
             },
         )

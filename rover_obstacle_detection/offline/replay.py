@@ -14,7 +14,7 @@ from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.errors import BagError, ImageError
+from rover_obstacle_detection.errors import BagError, ImageError, UnjudgeablePairError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.offline.output_file import atomic_write_json
@@ -31,7 +31,7 @@ from rover_obstacle_detection.offline.summary import (
 )
 from rover_obstacle_detection.pairing import PairingStatistics
 from rover_obstacle_detection.rover_mask import RoverMask
-from rover_obstacle_detection.swapped_images import refuse_swapped_images
+from rover_obstacle_detection.swapped_images import detect_unswapped
 
 OnProgress = Callable[[int, int], None]
 """Called with the number of pairs done and expected."""
@@ -155,13 +155,19 @@ class _Run:
             return
         lap = self._stopwatch.lap
         try:
-            detection = self._detector_of(pair.camera).detect(pair.left, pair.right, on_stage=lap)
-            topics = self._topics
-            refuse_swapped_images(
-                detection, pair.left, pair.right, topics.left_image, topics.right_image
+            detection = detect_unswapped(
+                self._detector_of(pair.camera),
+                pair.left,
+                pair.right,
+                self._topics.left_image,
+                self._topics.right_image,
+                on_stage=lap,
             )
-        except ImageError as error:
-            self._bad_frames.append(BadFrame(pair.stamp_ns, self._topics.left_image, str(error)))
+        except (ImageError, UnjudgeablePairError) as error:
+            # Nothing is written for it: a mask would call its pixels free.
+            unjudgeable = isinstance(error, UnjudgeablePairError)
+            topic = self._topics.left_image
+            self._bad_frames.append(BadFrame(pair.stamp_ns, topic, str(error), unjudgeable))
             return
         for name in WRITTEN_OUTPUTS:
             output = OUTPUTS[name]
@@ -175,7 +181,9 @@ class _Run:
             write_pictures(detection, pair.left, self._folder / 'images', f'{number:06d}_')
             lap(WRITE_IMAGES)
         taken_ms = self._stopwatch.take_ms()
-        self._frames.append(ReplayFrame(number, pair.stamp_ns, summary, taken_ms))
+        self._frames.append(
+            ReplayFrame(number, pair.stamp_ns, summary, taken_ms, detection.warnings)
+        )
 
     def summary(self, bag: BagReader, pairs: StereoPairs) -> ReplaySummary:
         """Return the summary, or raise an error if no pair could be used."""

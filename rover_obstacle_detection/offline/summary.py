@@ -26,6 +26,8 @@ from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detect
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.offline.stopwatch import StageTime, stage_times
 from rover_obstacle_detection.pairing import PairingStatistics
+from rover_obstacle_detection.pictures import shown_obstacles
+from rover_obstacle_detection.warning_kinds import WarningCount, count_warnings
 
 FORMAT_VERSION = 1
 
@@ -48,11 +50,13 @@ class FrameSummary:
     nearest_obstacle_m : float
         Distance from the left camera to the nearest obstacle point; NaN if there is none.
     tallest_obstacle_m : float
-        Height of the tallest obstacle above the local ground; NaN if there is none.
+        Height of the tallest obstacle above the local ground; NaN if there is none, or no ground
+        was found.
     camera_pitch_deg : float
-        Angle of the optical axis below the horizon.
+        Angle of the optical axis below the horizon; NaN if no ground was found and gravity is not
+        configured.
     camera_height_m : float
-        Height of the left camera above the visible ground.
+        Height of the left camera above the visible ground; NaN if no ground was found.
     rows_off_px : float
         Estimated and corrected row misalignment of the right image, at its worst border.
     lens_bend_px : float
@@ -73,7 +77,8 @@ class FrameSummary:
     @classmethod
     def of(cls, detection: Detection) -> FrameSummary:
         """Summarise a detection."""
-        obstacles = detection.obstacles
+        obstacles, ground = shown_obstacles(detection), detection.ground
+        upright = ground.measured or detection.config.gravity_source == 'parameters'
         return cls(
             obstacles=len(obstacles),
             obstacle_share=float(np.mean(detection.mask == OBSTACLE)),
@@ -81,8 +86,8 @@ class FrameSummary:
             unknown_share=float(np.mean(~detection.known)),
             nearest_obstacle_m=_extreme(min, (each.range_m for each in obstacles)),
             tallest_obstacle_m=_extreme(max, (each.max_height_m for each in obstacles)),
-            camera_pitch_deg=detection.ground.pitch_deg,
-            camera_height_m=detection.ground.height_m,
+            camera_pitch_deg=ground.pitch_deg if upright else math.nan,
+            camera_height_m=ground.height_m if ground.measured else math.nan,
             rows_off_px=detection.alignment.most_px(detection.camera),
             lens_bend_px=detection.lenses.mean_bend_px(detection.camera),
         )
@@ -105,12 +110,15 @@ class ReplayFrame:
     summary : FrameSummary
     stage_ms : mapping of str to float
         Milliseconds by stage, in order: the detector's stages and `FILE_STAGES`.
+    warnings : tuple of str
+        What makes the pair less trustworthy.
     """
 
     number: int
     stamp_ns: int
     summary: FrameSummary
     stage_ms: Mapping[str, float]
+    warnings: tuple[str, ...] = ()
 
     @property
     def detection_ms(self) -> float:
@@ -130,6 +138,16 @@ class ReplaySummary:
     statistics: PairingStatistics
     frames: tuple[ReplayFrame, ...]
     bad_frames: tuple[BadFrame, ...]
+
+    @property
+    def unjudgeable(self) -> int:
+        """Number of bad frames that are pairs the detector cannot judge."""
+        return sum(each.unjudgeable for each in self.bad_frames)
+
+    @property
+    def warnings(self) -> tuple[WarningCount, ...]:
+        """Warnings of the frames, by kind."""
+        return count_warnings((each.stamp_ns, each.warnings) for each in self.frames)
 
     @property
     def times(self) -> dict[str, StageTime]:
@@ -157,6 +175,7 @@ class ReplaySummary:
                 'pairs': statistics.pairs,
                 'detected': len(self.frames),
                 'bad': len(self.bad_frames),
+                'unjudgeable': self.unjudgeable,
                 'unmatched_left': statistics.unmatched_left,
                 'unmatched_right': statistics.unmatched_right,
                 'smallest_gap_s': None if gap_ns is None else gap_ns / 1e9,
@@ -164,15 +183,14 @@ class ReplaySummary:
             'obstacles_per_frame': _spread([each.summary.obstacles for each in self.frames]),
             'stage_ms': {stage: dataclasses.asdict(time) for stage, time in self.times.items()},
             'detection_ms': dataclasses.asdict(self.detection_time),
-            'bad_frames': [
-                {'stamp_ns': each.stamp_ns, 'topic': each.topic, 'reason': each.reason}
-                for each in self.bad_frames
-            ],
+            'warnings': [dataclasses.asdict(each) for each in self.warnings],
+            'bad_frames': [dataclasses.asdict(each) for each in self.bad_frames],
             'frames': [
                 {
                     'number': each.number,
                     'stamp_ns': each.stamp_ns,
                     **each.summary.as_json(),
+                    'warnings': list(each.warnings),
                     'detection_ms': round(each.detection_ms, 3),
                     'stage_ms': {stage: round(ms, 3) for stage, ms in each.stage_ms.items()},
                 }

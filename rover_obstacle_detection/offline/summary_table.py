@@ -27,7 +27,7 @@ class _Row(NamedTuple):
 
 
 def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
-    """Tabulate replays, one per column, followed by damaged bags and bad frames."""
+    """Tabulate replays, one per column, followed by damaged bags, bad frames and warnings."""
     if len(summaries) == 1:
         tables = [_table(summaries, with_remarks=True)]
     else:
@@ -95,6 +95,7 @@ def _sections(summaries: Sequence[ReplaySummary]) -> Iterable[list[tuple[_Row, .
 def _counts(summary: ReplaySummary) -> list[_Row]:
     statistics = summary.statistics
     bad = len(summary.bad_frames)
+    warned = sum(bool(each.warnings) for each in summary.frames)
     obstacles = [each.summary.obstacles for each in summary.frames]
     unmatched = f'{statistics.unmatched_left} left, {statistics.unmatched_right} right'
     if statistics.unmatched_left and statistics.smallest_gap_ns:
@@ -105,6 +106,8 @@ def _counts(summary: ReplaySummary) -> list[_Row]:
         _Row('pairs', str(statistics.pairs), f'{len(summary.frames)} processed'),
         _Row('unmatched', str(statistics.unmatched_left + statistics.unmatched_right), unmatched),
         _Row('bad frames', str(bad), 'skipped, see below' if bad else ''),
+        _Row('of these unjudgeable', str(summary.unjudgeable), ''),
+        _Row('frames with warnings', str(warned), 'see below' if warned else ''),
         _Row(
             'obstacles per frame',
             f'{sum(obstacles) / len(obstacles):.1f}',
@@ -129,6 +132,11 @@ def _remarks(summary: ReplaySummary) -> Iterable[Text]:
     more = len(summary.bad_frames) - _LISTED_BAD_FRAMES
     if more > 0:
         yield Text(f'and {more} more bad frames: see summary.json')
+    for each in summary.warnings:
+        yield Text(
+            f'warning in {each.frames} of {len(summary.frames)} frames, first at '
+            f'{each.first_stamp_ns / 1e9:.3f} s: {each.text}'
+        )
 
 
 def _metres(value: float) -> str:

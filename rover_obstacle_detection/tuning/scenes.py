@@ -7,12 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
-from rover_obstacle_detection.errors import BagError, ConfigurationError
+from rover_obstacle_detection.errors import BagError, ConfigurationError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import is_obstacle
@@ -81,13 +84,16 @@ def read_scenes(
 def figures_of(config: DetectorConfig, scene: TuningScene) -> Figures:
     """Run the detector over a scene and pool the figures of its frames."""
     return total(
-        score(
-            Detector(frame.camera, config).detect(frame.left, frame.right).mask,
-            frame.labels,
-            frame.instances,
-        )
-        for frame in scene.frames
+        score(_mask(config, frame), frame.labels, frame.instances) for frame in scene.frames
     )
+
+
+def _mask(config: DetectorConfig, frame: LabelledFrame) -> NDArray[np.uint8]:
+    try:
+        return Detector(frame.camera, config).detect(frame.left, frame.right).mask
+    except UnjudgeablePairError:
+        # All is unknown, so no obstacle is found.
+        return np.zeros(frame.camera.shape, np.uint8)
 
 
 def _read_scene(

@@ -1,1 +1,1 @@
-"""Studies for docs/evaluation_tables.md."""
+"""Studies for docs/evaluation_tables.md and docs/blind_conditions.md."""

@@ -86,6 +86,7 @@ def test_the_summary_records_inputs_and_results(replayed, bag):
         'pairs': 3,
         'detected': 3,
         'bad': 0,
+        'unjudgeable': 0,
         'unmatched_left': 0,
         'unmatched_right': 0,
         'smallest_gap_s': 0.0,

@@ -184,6 +184,13 @@ def test_label_of_a_low_obstacle_shows_confidence_only():
     assert label.text == f'{obstacle.confidence:.2f}'
 
 
+def test_label_without_a_ground_plane_shows_no_height():
+    seen = detection()
+    assumed = replace(seen, ground=replace(seen.ground, measured=False))
+    label = encode('obstacle_markers', assumed).markers[2]
+    assert label.text == f'{seen.obstacles[0].confidence:.2f}'
+
+
 def test_box_is_more_opaque_with_higher_confidence():
     mask = np.zeros(SHAPE, np.uint8)
     mask[6:8, 8:10] = 255
@@ -203,6 +210,25 @@ def test_obstacle_without_3d_points_has_no_markers():
     mask[0:2, 0:2] = 255
     assert len(detection(mask=mask).obstacles) == 2
     assert len(encode('obstacle_markers', detection(mask=mask)).markers) == 3
+
+
+def test_unjudgeable_pair_has_an_empty_ground_cloud_and_nothing_known():
+    made = {
+        name: output.encode_unknown(SHAPE, HEADER, FACTORY)
+        for name, output in OUTPUTS.items()
+        if output.encode_unknown
+    }
+    # An empty obstacle cloud or a black mask would mean that there is no obstacle.
+    assert set(made) == {'ground_points', 'debug/known'}
+    for message in made.values():
+        assert stamp_ns(message.header) == stamp_ns(HEADER)
+        assert message.header.frame_id == 'left_optical'
+    ground = made['ground_points']
+    assert [field.name for field in ground.fields] == ['x', 'y', 'z', 'height']
+    assert (ground.width, ground.height, len(ground.data)) == (0, 1, 0)
+    known = decode_image(made['debug/known'], 'known')
+    assert known.shape == SHAPE
+    assert not known.any()
 
 
 @pytest.mark.parametrize(

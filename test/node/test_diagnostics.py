@@ -8,7 +8,8 @@ import pytest
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.node.diagnostics import ERROR, OK, WARN, NodeState, Status, statuses
 from rover_obstacle_detection.node.pairing_watch import PairingWatch
-from rover_obstacle_detection.node.statistics import DetectionFigures, Snapshot
+from rover_obstacle_detection.node.statistics import DetectionFigures, Recent, Snapshot
+from rover_obstacle_detection.node.watchdog import Faults
 from rover_obstacle_detection.pairing import PairingStatistics
 
 CAMERA = StereoCamera(width=64, height=48, fx=100.0, fy=100.0, cx=31.5, cy=23.5, baseline_m=0.1)
@@ -22,9 +23,11 @@ COUNTS = Snapshot(
     latency_p50_ms=81.25,
     latency_p95_ms=99.0,
     latest=DetectionFigures(
-        valid_share=0.963, obstacle_share=0.0514, rows_off_px=0.62, lens_bend_px=0.25
+        valid_share=0.963, obstacle_share=0.0514, rows_off_px=0.62, lens_bend_px=0.25,
+        camera_height_m=0.987, camera_pitch_deg=31.26,
     ),
-)
+    recent=Recent(judged=4),
+)  # fmt: skip
 PAIRING = PairingStatistics(
     left=103, right=102, pairs=101, unmatched_left=2, unmatched_right=1, pending_left=0,
     pending_right=0, smallest_gap_ns=1_500_000,
@@ -36,6 +39,7 @@ GOOD = NodeState(
     pairing=PAIRING,
     camera=CAMERA,
     calibration_problem='',
+    image_age_s=0.0213,
 )
 
 
@@ -51,6 +55,14 @@ def figures(**changes: Any) -> dict[str, Snapshot]:
     return counts(latest=dataclasses.replace(COUNTS.latest, **changes))
 
 
+def recent(**changes: Any) -> dict[str, Snapshot]:
+    return counts(recent=Recent(**changes))
+
+
+def faults(**texts: str) -> dict[str, Any]:
+    return {'faults': Faults(**texts)}
+
+
 def test_good_state_is_ok_with_all_values() -> None:
     status = judged()
 
@@ -58,6 +70,7 @@ def test_good_state_is_ok_with_all_values() -> None:
     assert status['stereo input'].values == {
         'pair rate (Hz)': '10.00',
         'images lost on the way': '2',
+        'image age (ms)': '21.3',
         'left images': '103',
         'right images': '102',
         'pairs': '101',
@@ -73,7 +86,9 @@ def test_good_state_is_ok_with_all_values() -> None:
     assert (detection['latency p50 (ms)'], detection['latency p95 (ms)']) == ('81.2', '99.0')
     assert (detection['dropped frames'], detection['bad frames']) == ('60', '1')
     assert detection['bad frames: ImageError'] == '1'
+    assert detection['frames with warnings'] == '0'
     assert detection['valid disparity (%)'] == '96.3'
+    assert (detection['camera height (m)'], detection['camera pitch (deg)']) == ('0.99', '31.3')
     assert detection['obstacles (% of pixels)'] == '5.1'
 
 
@@ -89,6 +104,33 @@ def test_good_state_is_ok_with_all_values() -> None:
         (counts(detection_rate_hz=0.0), 'detection', ERROR, 'none can be used'),
         (figures(valid_share=0.12), 'detection', WARN, 'only 12%'),
         ({'gravity_problem': 'no IMU'}, 'detection', WARN, 'no IMU'),
+        (
+            recent(judged=5, failed=2, problem='lens covered'),
+            'detection',
+            WARN,
+            '2 of the last 7 pairs could not be judged: lens covered',
+        ),
+        (
+            recent(failed=3, problem='lens covered'),
+            'detection',
+            ERROR,
+            'none of the last 3 pairs could be judged: lens covered',
+        ),
+        (recent(judged=3, warnings=('dark', 'blurred')), 'detection', WARN, 'dark; blurred'),
+        (faults(input='no pair for 3.0 s'), 'stereo input', ERROR, 'no pair for 3.0 s'),
+        (
+            faults(input='no pair for 3.0 s') | {'pairing_problem': '9 left, 0 right'},
+            'stereo input',
+            ERROR,
+            'no pair for 3.0 s: 9 left, 0 right',
+        ),
+        (faults(input='no pair for 3.0 s') | {'subscribed': False}, 'stereo input', OK, 'idle'),
+        (
+            faults(detection='no pair could be judged for 3.2 s: lens covered'),
+            'detection',
+            ERROR,
+            'no pair could be judged for 3.2 s: lens covered',
+        ),
         (figures(rows_off_px=1.2), 'calibration', WARN, 'rows off by 1.2 px'),
         (figures(lens_bend_px=3.4), 'calibration', WARN, 'lens distortion 3.4 px'),
         (figures(lens_bend_px=3.4) | {'lifecycle': 'inactive'}, 'calibration', OK, 'calibrated'),
@@ -109,7 +151,8 @@ def test_values_before_the_first_detection_are_unknown() -> None:
     status = judged(**nothing, pairing=None)
 
     assert status['detection'].values['latency p50 (ms)'] == 'unknown'
-    assert status['detection'].values['valid disparity (%)'] == 'unknown'
+    for key in ('valid disparity (%)', 'camera height (m)', 'camera pitch (deg)'):
+        assert status['detection'].values[key] == 'unknown'
     calibration = status['calibration']
     assert calibration.values['rows off (px)'] == 'unknown'
     assert calibration.level == OK

@@ -39,14 +39,17 @@ def change(graph: LiveGraph, name: str) -> bool:
 
 
 class Stream:
-    """Sends pairs stamped with the current time."""
+    """Sends pairs stamped with the current time, in two exposures in turn."""
 
     def __init__(self, graph: LiveGraph) -> None:
         self.camera = Camera(graph)
         self.view = VIEW
+        self._sent = 0
 
     def send(self) -> None:
-        self.camera.send(self.view.scene.camera, self.view.left, self.view.right, time.time_ns())
+        self._sent += 1
+        view = self.view if self._sent % 2 else synthetic.exposed_again(self.view)
+        self.camera.send(view.scene.camera, view.left, view.right, time.time_ns())
 
 
 def wait_for_new_mask(graph: LiveGraph, masks: Any, stream: Stream, process: Process) -> None:

@@ -11,6 +11,7 @@ from rover_obstacle_detection.node.settings import (
     Settings,
     all_parameters,
 )
+from rover_obstacle_detection.node.watchdog import WatchdogLimits
 
 
 def test_parameters_are_unique_and_their_defaults_valid() -> None:
@@ -34,6 +35,13 @@ def test_pairing_tolerance(values: dict[str, Any], tolerance_ns: int | None) -> 
     assert Settings.from_values(values).tolerance_ns == tolerance_ns
 
 
+def test_watchdog_can_be_configured_and_turned_off() -> None:
+    values = {'frozen_after': 5, 'stale_after': 3.0, 'max_image_age': 0.5}
+
+    assert Settings.from_values(values).watchdog == WatchdogLimits(5, 3.0, 0.5)
+    assert Settings.from_values(values | {'watchdog': False}).watchdog is None
+
+
 @pytest.mark.parametrize(
     ('values', 'reason'),
     [
@@ -43,6 +51,8 @@ def test_pairing_tolerance(values: dict[str, Any], tolerance_ns: int | None) -> 
         ({'imu_roll': 200.0}, 'imu_roll is 200.0: expected -180 to 180'),
         ({'max_step': 0.0}, 'max_step is 0.0: expected 0.01 to 2'),
         ({'rover_polygon': 'none'}, 'rover_polygon'),
+        ({'frozen_after': 0}, 'frozen_after is 0: expected 1 to 10000'),
+        ({'stale_after': 0.0}, 'stale_after is 0.0: expected 0.1 to 3600'),
     ],
 )
 def test_invalid_value_is_refused(values: dict[str, Any], reason: str) -> None:

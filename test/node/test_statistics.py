@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from rover_obstacle_detection.node.statistics import DetectionFigures, NodeStatistics
+from rover_obstacle_detection.node.statistics import DetectionFigures, NodeStatistics, Recent
 
 
 class Clock:
@@ -63,3 +63,57 @@ def test_bad_frames_are_counted_by_reason() -> None:
 
     assert snapshot.bad == {'ImageError': 2, 'no calibration': 1}
     assert (snapshot.bad_frames, snapshot.dropped, snapshot.lost) == (3, 1, 3)
+
+
+def test_recent_pairs_are_judged_or_failed() -> None:
+    clock = Clock()
+    statistics = NodeStatistics(clock)
+    assert statistics.snapshot().recent == Recent()
+    for event in (
+        lambda: statistics.detection(0.1, DetectionFigures(), ('blurred',)),
+        lambda: statistics.bad_frame('stamp is zero'),
+        lambda: statistics.bad_frame('unjudgeable pair', 'lens covered'),
+        lambda: statistics.withheld('frozen'),
+        lambda: statistics.detection(0.1, DetectionFigures()),
+    ):
+        clock.now_s += 0.2
+        event()
+
+    snapshot = statistics.snapshot()
+
+    assert snapshot.recent == Recent(judged=2, failed=2, problem='frozen', warnings=('blurred',))
+    assert snapshot.warned == 1
+    assert snapshot.bad == {'stamp is zero': 1, 'unjudgeable pair': 1, 'frozen image': 1}
+
+
+def test_latest_pair_counts_until_the_next_one() -> None:
+    clock = Clock()
+    statistics = NodeStatistics(clock)
+    statistics.detection(0.1, DetectionFigures())
+    statistics.bad_frame('unjudgeable pair', 'lens covered')
+
+    clock.now_s += 60.0
+
+    assert statistics.snapshot().recent == Recent(failed=1, problem='lens covered')
+    statistics.forget_outcomes()
+    assert statistics.snapshot().recent == Recent()
+    assert statistics.snapshot().failing_s == 0.0
+
+
+def test_time_without_a_judged_pair() -> None:
+    clock = Clock()
+    statistics = NodeStatistics(clock)
+    for event in (
+        lambda: statistics.bad_frame('ImageError', 'lens covered'),
+        lambda: statistics.withheld('frozen'),
+        lambda: statistics.bad_frame('ImageError', 'lens still covered'),
+    ):
+        clock.now_s += 1.0
+        event()
+
+    assert statistics.snapshot().failing_s == 2.0
+    statistics.detection(0.1, DetectionFigures())
+    # What is withheld for a frozen image is a fault of its own.
+    statistics.withheld('frozen')
+    clock.now_s += 1.0
+    assert statistics.snapshot().failing_s == 0.0

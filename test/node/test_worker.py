@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +12,10 @@ import pytest
 
 import rover_obstacle_detection.node.worker as module
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
+from rover_obstacle_detection.errors import UnjudgeablePairError
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
@@ -41,12 +44,15 @@ class Detections:
         self.entered = threading.Semaphore(0)
         self.go_on = threading.Semaphore(0)
         self.failures: list[Exception] = []
+        self.ground = GroundPlane((0.0, -1.0, 0.0), 0.8, (0.0, -1.0, 0.0))
+        self.warnings: tuple[str, ...] = ()
 
     def __call__(self, camera: Any, config: DetectorConfig, rover_mask: Any) -> Detections:
+        self.camera = camera
         self.made.append(config)
         return self
 
-    def detect(self, left: Any, right: Any, *, gravity: Any) -> Any:
+    def detect(self, left: Any, right: Any, *, gravity: Any, on_stage: Any) -> Any:
         self.entered.release()
         assert self.go_on.acquire(timeout=30)
         if self.failures:
@@ -56,6 +62,8 @@ class Detections:
             mask=np.zeros(SHAPE, np.uint8),
             alignment=RowAlignment(0.5),
             lenses=Lenses(LensDistortion(0.01)),
+            ground=self.ground,
+            warnings=self.warnings,
         )
 
 
@@ -68,6 +76,7 @@ class Bench:
         self.statistics = NodeStatistics()
         self.warnings: list[str] = []
         self.published: list[Any] = []
+        self.unknown: list[Any] = []
         self.done = threading.Semaphore(0)
         sources = module.Sources(
             settings=lambda: self.settings,
@@ -86,13 +95,18 @@ class Bench:
         self.calibration.update(0, info())
         self.calibration.update(1, info(right=True))
 
-    def submit(self) -> Any:
+    def submit(self, fault: str = '') -> Any:
         left = image()
-        self.worker.submit(module.ImagePair(left, image(), 0.0))
+        self.worker.submit(module.ImagePair(left, image(), 0.0, fault))
         return left.header
 
     def publish(self, detection: Any, header: Any) -> None:
         self.published.append(header)
+        self.done.release()
+
+    def publish_unknown(self, shape: tuple[int, int], header: Any) -> None:
+        assert shape == SHAPE
+        self.unknown.append(header)
         self.done.release()
 
     def _warn(self, line: str) -> None:
@@ -157,6 +171,86 @@ def test_detector_error_costs_one_pair(bench: Bench, detections: Detections) -> 
     assert bench.published == [good]
     assert 'ZeroDivisionError: unforeseen' in bench.warnings[0]
     assert bench.statistics.snapshot().bad == {'ZeroDivisionError': 1}
+
+
+def test_unjudgeable_pair_is_published_as_unknown_and_counted(
+    bench: Bench, detections: Detections
+) -> None:
+    bench.calibrate()
+    detections.failures.append(UnjudgeablePairError('lens covered'))
+    detections.go_on.release(2)
+
+    bad = bench.submit()
+    # Once for the outputs and once for the log.
+    assert bench.done.acquire(timeout=30)
+    assert bench.done.acquire(timeout=30)
+    good = bench.submit()
+    assert bench.done.acquire(timeout=30)
+    bench.worker.stop()
+
+    assert (bench.published, bench.unknown) == ([good], [bad])
+    assert bench.warnings == ['/left, /right: lens covered']
+    snapshot = bench.statistics.snapshot()
+    assert snapshot.bad == {'unjudgeable pair': 1}
+    assert (snapshot.recent.judged, snapshot.recent.failed) == (1, 1)
+    assert snapshot.recent.problem == '/left, /right: lens covered'
+
+
+def test_pair_of_a_frozen_camera_is_not_detected(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+
+    header = bench.submit(fault='left image has not changed')
+    assert bench.done.acquire(timeout=30)
+    bench.worker.stop()
+
+    assert (bench.published, bench.unknown) == ([], [header])
+    assert not detections.made
+    snapshot = bench.statistics.snapshot()
+    assert snapshot.bad == {'frozen image': 1}
+    assert snapshot.recent.problem == 'left image has not changed'
+
+
+def test_warnings_are_logged_and_counted(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+    detections.warnings = ('dark', 'blurred')
+    detections.go_on.release()
+
+    bench.submit()
+    for _ in range(3):
+        assert bench.done.acquire(timeout=30)
+
+    assert bench.warnings == ['dark', 'blurred']
+    snapshot = bench.statistics.snapshot()
+    assert snapshot.warned == 1
+    assert snapshot.recent.warnings == ('dark', 'blurred')
+
+
+@pytest.mark.parametrize(
+    ('measured', 'values', 'expected'),
+    [
+        (True, {}, (0.8, 0.0)),
+        (False, {}, (None, None)),
+        (False, {'gravity_source': 'parameters'}, (None, 0.0)),
+    ],
+)
+def test_pose_of_the_camera_is_reported_only_if_measured(
+    bench: Bench,
+    detections: Detections,
+    measured: bool,
+    values: dict[str, Any],
+    expected: tuple[float | None, float | None],
+) -> None:
+    bench.calibrate()
+    bench.settings = Settings.from_values(values)
+    detections.ground = replace(detections.ground, measured=measured)
+    detections.go_on.release()
+
+    bench.submit()
+    assert bench.done.acquire(timeout=30)
+    bench.worker.stop()
+
+    latest = bench.statistics.snapshot().latest
+    assert (latest.camera_height_m, latest.camera_pitch_deg) == expected
 
 
 def test_worker_waits_for_a_late_calibration(

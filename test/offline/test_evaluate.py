@@ -12,9 +12,10 @@ from recordings import START_NS, image, stereo_messages, write_ros2
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.figures import Figures
 from rover_obstacle_detection.evaluation.methods import registry
+from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
 from rover_obstacle_detection.evaluation.results import Evaluation
 from rover_obstacle_detection.evaluation.runner import CURVE_FACTORS, RunOptions
 from rover_obstacle_detection.offline.evaluate import (
@@ -79,6 +80,22 @@ def test_every_method_runs_on_every_frame(tmp_path: Path) -> None:
     assert [len(result.frames) for result in evaluation.scenes] == [3, 3]
     assert evaluation.scenes[1].figures.recall == 0.0
     assert all(frame.seconds > 0 for frame in evaluation.scenes[0].frames)
+
+
+def test_pair_that_cannot_be_judged_is_all_unknown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Blind(DetectorMethod):
+        def detect(self, camera, left, right):
+            raise UnjudgeablePairError('both images are black')
+
+    monkeypatch.setitem(registry.METHODS, 'hybrid', Blind)
+
+    (result,) = evaluated(write_labelled(tmp_path / 'bag')).scenes
+
+    assert len(result.frames) == 2
+    assert (result.figures.rocks, result.figures.rocks_found) == (2, 0)
+    assert (result.figures.called_free, result.figures.checked_obstacle_pixels) == (0, 512)
 
 
 def test_only_every_nth_frame_is_evaluated(tmp_path: Path) -> None:

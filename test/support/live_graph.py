@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import importlib
+import itertools
 import os
 import re
 import signal
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import synthetic
 
 from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -286,10 +288,14 @@ def make_image(array: np.ndarray, stamp: int, factory: MessageFactory) -> Any:
 def write_stereo_bag(
     path: Path, view: Any, stamps: Sequence[int], *, end: int | None = None
 ) -> None:
-    """Record one pair over and over; at ``end`` a last calibration, for loops of steady rate."""
+    """Record one scene in two exposures in turn: a camera that repeats its image is frozen.
+
+    At ``end`` a last calibration, for loops of steady rate.
+    """
+    exposures = itertools.cycle((view, synthetic.exposed_again(view)))
     with BagWriter(path) as bag:
-        for stamp in stamps:
-            for side, array in (('left', view.left), ('right', view.right)):
+        for stamp, exposure in zip(stamps, exposures, strict=False):
+            for side, array in (('left', exposure.left), ('right', exposure.right)):
                 info = make_info(view.scene.camera, side, stamp, bag.factory)
                 image = make_image(array, stamp, bag.factory)
                 bag.add(f'/stereo/{side}/camera_info', 'sensor_msgs/msg/CameraInfo', info, stamp)

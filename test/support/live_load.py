@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import synthetic
 from live_graph import Camera, LiveGraph, Process
 
 NODE_MASK = '/stereo/obstacle_mask'
@@ -26,7 +28,11 @@ class Driver:
         self.camera = Camera(graph)
         self.stamps_ns: list[int] = []
         self._stereo = view.scene.camera
-        self._images = [self.camera.image(each, 1) for each in (view.left, view.right)]
+        # Two exposures in turn: a camera that repeats its image counts as frozen.
+        self._exposures = itertools.cycle(
+            [self.camera.image(image, 1) for image in (each.left, each.right)]
+            for each in (view, synthetic.exposed_again(view))
+        )
         self._period_s = 1.0 / rate_hz
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -42,10 +48,11 @@ class Driver:
         """Send one pair; return its stamp."""
         stamp = time.time_ns()
         self.camera.send_infos(self._stereo, stamp)
-        for image in self._images:
+        images = next(self._exposures)
+        for image in images:
             image.header.stamp.sec, image.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
         self.stamps_ns.append(stamp)
-        self.camera.send_images(*self._images)
+        self.camera.send_images(*images)
         return stamp
 
     def _run(self) -> None:

@@ -13,13 +13,17 @@ PERIOD_NS = SECOND // 10
 
 
 class Rover:
-    """Starts the node in namespace /stereo and gives each pair a new stamp."""
+    """Starts the node in namespace /stereo and gives each pair a new stamp.
 
-    def __init__(self, graph: LiveGraph, *ros_arguments: str) -> None:
+    Without ``watchdog``, a test may send one pair again and again.
+    """
+
+    def __init__(self, graph: LiveGraph, *ros_arguments: str, watchdog: bool = False) -> None:
         self.graph = graph
         self.mask = graph.subscribe('sensor_msgs/msg/Image', '/stereo/obstacle_mask')
         self.diagnostics = graph.diagnostics()
-        self.process = graph.start_node(*ros_arguments)
+        watched = f'watchdog:={watchdog}'.lower()
+        self.process = graph.start_node('-p', watched, *ros_arguments)
         self.camera = Camera(graph)
         self._stamp = START_NS
 

@@ -145,6 +145,17 @@ def render(scene: Scene) -> View:
     return view
 
 
+def exposed_again(view: View, seed: int = 3) -> View:
+    """The same scene with more and other noise, as in the next image of a camera at rest."""
+    random = np.random.default_rng(seed)
+    images = (
+        np.clip(np.rint(image + random.normal(0, view.scene.noise, image.shape)), 0, 255)
+        for image in (view.left, view.right)
+    )
+    left, right = (image.astype(np.uint8) for image in images)
+    return replace(view, left=left, right=right)
+
+
 def iou(mask, truth, counted=True) -> float:
     mask, truth = (mask > 0) & counted, (truth > 0) & counted
     return np.count_nonzero(mask & truth) / max(np.count_nonzero(mask | truth), 1)

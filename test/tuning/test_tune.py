@@ -13,7 +13,7 @@ from labelled import SHAPE, labels, write_labelled
 
 from rover_obstacle_detection import Detector, DetectorConfig
 from rover_obstacle_detection.bags.reader import open_bag
-from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.errors import ConfigurationError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
@@ -248,6 +248,21 @@ def test_frames_in_memory_give_the_figures_of_the_bag(tmp_path: Path) -> None:
             mask = Detector(frame.camera, START).detect(frame.left, frame.right).mask
             expected += score(mask, frame.labels, frame.instances)
     assert figures_of(START, kept) == expected
+
+
+def test_pair_that_cannot_be_judged_finds_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise UnjudgeablePairError('both images are black')
+
+    (kept,) = read_scenes([write_labelled(tmp_path / 'bag')], BAG, PLENTY_BYTES, ignored)
+    monkeypatch.setattr(Detector, 'detect', refuse)
+
+    figures = figures_of(START, kept)
+
+    assert figures.frames == 2
+    assert (figures.true_positives, figures.false_positives) == (0, 0)
 
 
 def test_memory_limit_is_checked_before_reading_on(tmp_path: Path) -> None:

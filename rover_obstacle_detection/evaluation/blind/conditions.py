@@ -42,6 +42,11 @@ def _each(text: str, change: Callable[..., View | None], *values: Any) -> dict[s
     return {text.format(value): partial(_changed, change, value) for value in values}
 
 
+def _shares(text: str, change: Callable[..., View | None], *shares: float) -> dict[str, Change]:
+    """Make one strength for each share, in percent."""
+    return {text.format(100 * share): partial(_changed, change, share) for share in shares}
+
+
 def _changed(change: Callable[..., View | None], value: Any, view: View) -> View | None:
     return change(view, value)
 
@@ -118,10 +123,10 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition(
         BLIND,
         'part of the left lens covered',
-        _each('{:.0%}', changes.covered_left, 0.25, 0.5, 0.75),
+        _shares('{:g} %', changes.covered_left, 0.25, 0.5, 0.75),
     ),
     Condition(
-        BLIND, 'dirt on the left lens', _each('{:.0%}', changes.dirty_left, 0.05, 0.15, 0.4)
+        BLIND, 'dirt on the left lens', _shares('{:g} %', changes.dirty_left, 0.05, 0.15, 0.4)
     ),
     Condition(
         UNRELATED,
@@ -136,19 +141,19 @@ CONDITIONS: tuple[Condition, ...] = (
         UNRELATED,
         'right image of another moment',
         {
-            '3% closer': partial(changes.moved_on, factor=1.03),
-            '10% closer': partial(changes.moved_on, factor=1.1),
+            '3 % closer': partial(changes.moved_on, factor=1.03),
+            '10 % closer': partial(changes.moved_on, factor=1.1),
             'another place': changes.other_moment,
             'left image mirrored': changes.mirrored_left,
         },
     ),
     Condition(
-        UNRELATED, 'right image torn', _each('lower {:.0%}', changes.torn_right, 0.25, 0.5, 0.75)
+        UNRELATED, 'right image torn', _shares('lower {:g} %', changes.torn_right, 0.25, 0.5, 0.75)
     ),
     Condition(
         UNRELATED,
         'rows lost in the right image',
-        _each('{:.0%} black', changes.rows_lost, 0.05, 0.15, 0.4),
+        _shares('{:g} % black', changes.rows_lost, 0.05, 0.15, 0.4),
     ),
     Condition(UNRELATED, 'left and right exchanged', {'images': exchanged}),
     Condition(

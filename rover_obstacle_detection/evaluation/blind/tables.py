@@ -20,7 +20,16 @@ COLUMNS = {
     'wrong_range': 'wrong range',
     'obstacle_called_free': 'obstacles free',
 }
-"""Shares of `BlindFigures` in the tables, with their headings."""
+"""Shares of `BlindFigures` in the tables of all conditions, with their headings."""
+
+UNNOTICED_COLUMNS = {
+    'falsely_free': 'falsely free',
+    'free': 'free',
+    'blind_called_free': COLUMNS['blind_called_free'],
+    'wrong_range': COLUMNS['wrong_range'],
+    'obstacle_called_free': COLUMNS['obstacle_called_free'],
+}
+"""The same for the table of what was not noticed."""
 
 HEADER = (
     'condition',
@@ -46,33 +55,22 @@ def unnoticed_table(results: Sequence[Strength]) -> Table:
 
     All shares are means over the views that were judged without a warning.
     """
-    silent = {id(result): result.silent for result in results}
-    wrong = {key: each.mean('falsely_free') or 0.0 for key, each in silent.items()}
-    listed = [result for result in results if wrong[id(result)] >= MIN_FALSELY_FREE]
-    listed.sort(key=lambda result: -wrong[id(result)])
+    listed = [
+        (false, result)
+        for result in results
+        if (false := result.silent.mean('falsely_free') or 0.0) >= MIN_FALSELY_FREE
+    ]
+    listed.sort(key=lambda each: -each[0])
     rows = [
         (
             result.condition,
             result.strength,
-            f'{len(silent[id(result)].views)}/{len(result.views)}',
-            percent(silent[id(result)].mean('free')),
-            percent(wrong[id(result)]),
-            percent(silent[id(result)].mean('blind_called_free')),
-            percent(silent[id(result)].mean('wrong_range')),
-            percent(silent[id(result)].mean('obstacle_called_free')),
+            f'{len(result.silent.views)}/{len(result.views)}',
+            *(percent(result.silent.mean(share)) for share in UNNOTICED_COLUMNS),
         )
-        for result in listed
+        for _, result in listed
     ]
-    header = (
-        'condition',
-        'strength',
-        'unnoticed',
-        'free',
-        'falsely free',
-        'blind pixels free',
-        'wrong range',
-        'obstacles free',
-    )
+    header = ('condition', 'strength', 'unnoticed', *UNNOTICED_COLUMNS.values())
     return Table('Not noticed', header, rows)
 
 

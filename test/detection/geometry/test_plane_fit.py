@@ -213,6 +213,7 @@ def test_slope_is_relative_to_known_gravity():
 def test_without_disparity_the_known_mounting_is_used():
     nothing = np.zeros(CAMERA.shape, np.float32)
     found = estimated(nothing, Gravity.from_angles(46.0, height_m=0.7))
+    assert not found.measured
     assert found.height_m == 0.7
     assert found.pitch_deg == pytest.approx(46)
     assert found.slope_deg == pytest.approx(0, abs=1e-5)
