@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,26 @@ def estimate_ground(
     up = gravity.up if gravity else (0.0, -1.0, 0.0)
     height_m = (gravity.height_m if gravity else None) or parameters.known_height_m
     return GroundPlane(up, height_m or parameters.default_height_m, up, measured=False)
+
+
+def is_upside_down(
+    disparity: NDArray[np.float32], camera: StereoCamera, parameters: PlaneFitParameters
+) -> bool:
+    """Whether the ground is at the top of the image, and there is none at its bottom.
+
+    Parameters
+    ----------
+    disparity : ndarray of float32, shape (height, width)
+        Pixels, without the camera's offset; 0 where there is no match.
+    camera : StereoCamera
+        Of the disparity's size.
+    parameters : PlaneFitParameters
+    """
+    turned = replace(
+        camera, cx=camera.width - 1 - camera.cx, cy=camera.height - 1 - camera.cy, cx_right=None
+    )
+    turned_disparity = np.ascontiguousarray(disparity[::-1, ::-1])
+    return estimate_ground(turned_disparity, turned, parameters, None).measured
 
 
 def fit_ground_plane(

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
-from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground
-from rover_obstacle_detection.detection.images.image_noise import smoothed_against_noise
+from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground, is_upside_down
+from rover_obstacle_detection.detection.images.image_noise import (
+    image_noise,
+    smoothed_against_noise,
+)
 from rover_obstacle_detection.detection.images.texture import texture_level
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.parameters import DetectorParameters
@@ -33,11 +36,14 @@ from rover_obstacle_detection.detection.stereo.matching import (
     match_against_ground,
     reduced_mask,
 )
+from rover_obstacle_detection.detection.stereo.pair_check import check_pair
+from rover_obstacle_detection.detection.stereo.support import measure_support
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border
 from rover_obstacle_detection.detection.terrain.hazards import known_heights, rough_ground
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
+from rover_obstacle_detection.errors import UnjudgeablePairError
 
 Finished = Callable[[str], None]
 Mask = NDArray[np.bool_]
@@ -56,12 +62,14 @@ class Measurement(NamedTuple):
         In the straightened left image.
     terrain : Terrain
         Likewise.
+    warnings : tuple of str
     """
 
     frame: Frame
     correction: Correction
     stereo: Stereo
     terrain: Terrain
+    warnings: tuple[str, ...] = ()
 
 
 def detect_hybrid(
@@ -81,7 +89,7 @@ def detect_hybrid(
     stages : HybridStages
     """
     p = parameters
-    frame, correction, stereo, terrain = measure(frame, p, finished, stages)
+    frame, correction, stereo, terrain, warnings = measure(frame, p, finished, stages)
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
@@ -104,7 +112,7 @@ def detect_hybrid(
         Cue.GREY_LEVEL: rocks.by_sight,
     }
     detection = decided(found, stereo, terrain, rocks, p)
-    detection = stages.doubt(replace(detection, correction=correction))
+    detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
     detection = in_left_image(detection, frame)
     finished('mask')
     return detection
@@ -135,15 +143,19 @@ def measure(
     coarse = without_rover(coarse, straight.rover_mask)
     finished('coarse disparity')
     ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, frame.gravity)
+    if not (ground.measured or frame.gravity):
+        check_upright(coarse, p)
     finished('ground plane')
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
+    stereo, warnings = supported(stereo, p)
+    finished('support')
     terrain = stages.survey(stereo, p.terrain)
     finished('local ground')
     if frame.gravity is None:
         up = stages.vertical(terrain.layers, ground, p.terrain)
         stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
-    return Measurement(frame, coarse.correction, stereo, terrain)
+    return Measurement(frame, coarse.correction, stereo, terrain, warnings)
 
 
 def match_coarsely(
@@ -153,6 +165,21 @@ def match_coarsely(
     reduced = reduced_pair(frame.pair, frame.camera, parameters.stereo)
     matcher = CoarseMatcher(frame.camera, reduced.camera, parameters.stereo)
     return stages.rectify(reduced, matcher, parameters.rectification)
+
+
+def check_upright(coarse: Rectified, parameters: DetectorParameters) -> None:
+    """Reject a view whose ground is at its top.
+
+    Raises
+    ------
+    UnjudgeablePairError
+    """
+    if is_upside_down(coarse.disparity, coarse.camera, parameters.plane_fit):
+        msg = (
+            'the ground is at the top of the images: is the camera mounted upside down? Turn both '
+            'images by 180 degrees and exchange them'
+        )
+        raise UnjudgeablePairError(msg)
 
 
 def without_rover(coarse: Rectified, rover_mask: Mask | None) -> Rectified:
@@ -193,6 +220,37 @@ def match(
         texture_level(left, p.images),
         rows,
     )
+
+
+def supported(stereo: Stereo, parameters: DetectorParameters) -> tuple[Stereo, tuple[str, ...]]:
+    """Remove the matches that the images do not support; warn of images that hardly agree.
+
+    Raises
+    ------
+    UnjudgeablePairError
+        If the images do not belong together, or show nothing.
+    """
+    frame, p = stereo.frame, parameters.stereo.support
+    columns = np.arange(frame.camera.width, dtype=np.float32)[np.newaxis]
+    visible = (stereo.expected > 0) & (stereo.expected <= columns - frame.camera.disparity_offset)
+    if frame.rover_mask is not None:
+        visible &= ~frame.rover_mask
+    # Fine texture looks like noise, noise of the difference includes false matches.
+    most = stereo.grey_noise / 2**0.5
+    left_noise, right_noise = (min(image_noise(e, parameters.images), most) for e in frame.pair)
+    support = measure_support(
+        frame.pair,
+        stereo.disparity,
+        frame.camera,
+        stereo.rows,
+        visible,
+        (left_noise, right_noise),
+        p,
+    )
+    matched_share = np.count_nonzero(support.supported & visible) / max(1, visible.sum())
+    warnings = check_pair(frame.pair, support, matched_share, p)
+    disparity = np.where(support.supported, stereo.disparity, np.float32(0))
+    return replace(stereo, disparity=disparity), warnings
 
 
 def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProducts:

@@ -2,7 +2,71 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class SupportParameters:
+    """When images support what was matched in them.
+
+    The limits lie between 50 good pairs (rendered, ray-cast and real, also dark, noisy and hazy)
+    and pairs that do not belong together.
+
+    Parameters
+    ----------
+    window_px, wide_window_px : int
+        Sides of the windows in which the images are compared. Derived: the narrowest window of the
+        refinement, and the reach of semi-global matching into plain surfaces.
+    min_noise : float
+        Least noise of an image, grey levels. Derived: rounding.
+    min_signal : float
+        Standard deviations of the noise that texture must exceed in one of the windows. Measured:
+        good pairs have hardly a pixel below it.
+    clear_signal : float
+        The same, for texture that must match.
+    min_correlation : float
+        Clear texture that correlates less is a false match.
+    agreeing_correlation : float
+        Correlation from which texture counts as alike.
+    min_textured_share, min_matched_share : float
+        Least share of the visible pixels with clear texture; with less, least share of supported
+        matches.
+    min_texture_ratio : float
+        Least textured share of one image relative to the other.
+    min_agreeing_share, doubtful_agreeing_share : float
+        Share of the textured pixels that look alike, below which a pair is rejected or doubtful.
+        Measured: good pairs reach 0.6 to 1, wrong ones at most 0.3.
+    max_same_share : float
+        Share of the textured pixels that hardly differ from those at the same place in the other
+        image, beyond which both images are the same.
+    min_sharpness_ratio : float
+        Sharpness relative to the other image, below which an image is out of focus.
+    max_row_offset_px : int
+        Row offsets that are searched.
+    offset_strips, offset_window_px : int
+        Vertical strips whose mean rows are compared, and the window of their background.
+    min_offset_gain : float
+        Correlation that an offset must gain over none.
+    """
+
+    window_px: int = 9
+    wide_window_px: int = 25
+    min_noise: float = 0.3
+    min_signal: float = 1.0
+    clear_signal: float = 2.0
+    min_correlation: float = 0.3
+    agreeing_correlation: float = 0.6
+    min_textured_share: float = 0.02
+    min_matched_share: float = 0.05
+    min_texture_ratio: float = 0.05
+    min_agreeing_share: float = 0.45
+    doubtful_agreeing_share: float = 0.58
+    max_same_share: float = 0.9
+    min_sharpness_ratio: float = 0.7
+    max_row_offset_px: int = 40
+    offset_strips: int = 8
+    offset_window_px: int = 31
+    min_offset_gain: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -73,6 +137,7 @@ class StereoParameters:
         Signal over noise in that window below which matches come from distant texture.
     distant_texture_noise : float
         Relative growth of the noise there. All three measured on rendered ground.
+    support : SupportParameters
     """
 
     min_range_m: float = 0.3
@@ -110,3 +175,4 @@ class StereoParameters:
     distant_texture_window_px: int = 25
     distant_texture_signal: float = 1.5
     distant_texture_noise: float = 1.5
+    support: SupportParameters = field(default_factory=SupportParameters)
