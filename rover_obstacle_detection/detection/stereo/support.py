@@ -32,12 +32,15 @@ class Support:
     agreeing_share : float
         Share of the textured pixels that are matched and look alike in both images; 1 where hardly
         any is textured.
+    same_share : float
+        Share of the textured pixels with the same grey level at the same place in both images.
     """
 
     supported: Mask
     textured_share: float
     right_textured_share: float
     agreeing_share: float
+    same_share: float
 
 
 def measure_support(
