@@ -41,6 +41,7 @@ from rover_obstacle_detection.detection.stereo.support import measure_support
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border
+from rover_obstacle_detection.detection.terrain.brims import Brims
 from rover_obstacle_detection.detection.terrain.hazards import known_heights, rough_ground
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 from rover_obstacle_detection.errors import UnjudgeablePairError
@@ -62,6 +63,8 @@ class Measurement(NamedTuple):
         In the straightened left image.
     terrain : Terrain
         Likewise.
+    brims : Brims
+        Likewise.
     warnings : tuple of str
     """
 
@@ -69,6 +72,7 @@ class Measurement(NamedTuple):
     correction: Correction
     stereo: Stereo
     terrain: Terrain
+    brims: Brims
     warnings: tuple[str, ...] = ()
 
 
@@ -89,9 +93,10 @@ def detect_hybrid(
     stages : HybridStages
     """
     p = parameters
-    frame, correction, stereo, terrain, warnings = measure(frame, p, finished, stages)
+    frame, correction, stereo, terrain, brims, warnings = measure(frame, p, finished, stages)
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
+    dropped |= brims.edge
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.
@@ -111,7 +116,7 @@ def detect_hybrid(
         Cue.ROUGHNESS_STEP: rough,
         Cue.GREY_LEVEL: rocks.by_sight,
     }
-    detection = decided(found, stereo, terrain, rocks, p)
+    detection = decided(found, ~brims.beyond, stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
     detection = in_left_image(detection, frame)
     finished('mask')
@@ -149,13 +154,17 @@ def measure(
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
     stereo, warnings = supported(stereo, p)
     finished('support')
+    stereo = stages.reflections(stereo, p.terrain)
+    brims = stages.brims(stereo, p.terrain)
+    finished('brims')
     terrain = stages.survey(stereo, p.terrain)
     finished('local ground')
-    if frame.gravity is None:
-        up = stages.vertical(terrain.layers, ground, p.terrain)
+    if frame.gravity is None and ground.measured:
+        before = [layer.without(brims.beyond) for layer in terrain.layers]
+        up = stages.vertical(before, ground, p.terrain)
         stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
-    return Measurement(frame, coarse.correction, stereo, terrain, warnings)
+    return Measurement(frame, coarse.correction, stereo, terrain, brims, warnings)
 
 
 def match_coarsely(
@@ -272,6 +281,7 @@ def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProdu
 
 def decided(
     found: dict[Cue, Mask],
+    reachable: Mask,
     stereo: Stereo,
     terrain: Terrain,
     rocks: Rocks,
@@ -281,7 +291,7 @@ def decided(
     rover_mask = stereo.frame.rover_mask
     cues, mask = combined_cues(found, rover_mask, parameters.result.min_obstacle_px)
     # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
-    known = known_heights(terrain, parameters.terrain) | (mask == OBSTACLE)
+    known = (known_heights(terrain, parameters.terrain) & reachable) | (mask == OBSTACLE)
     if rover_mask is not None:
         known &= ~rover_mask
     return Detection(

@@ -27,8 +27,10 @@ from rover_obstacle_detection.detection.rocks.rocks import Draw, network_outline
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
+from rover_obstacle_detection.detection.terrain.brims import Brims, find_brims
 from rover_obstacle_detection.detection.terrain.hazards import dropping_ground, steep_ground
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.reflections import without_reflections
 from rover_obstacle_detection.detection.terrain.survey import survey
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 from rover_obstacle_detection.detection.terrain.vertical import estimate_vertical
@@ -50,6 +52,8 @@ class HybridStages:
     refine: Callable[
         [GreyPair, Image, StereoCamera, RowAlignment, StereoParameters], RefinedDisparity
     ] = refine_disparity
+    reflections: Callable[[Stereo, TerrainParameters], Stereo] = without_reflections
+    brims: Callable[[Stereo, TerrainParameters], Brims] = find_brims
     survey: Callable[[Stereo, TerrainParameters], Terrain] = survey
     vertical: Callable[[Sequence[Layer], GroundPlane, TerrainParameters], Vector] = (
         estimate_vertical

@@ -84,6 +84,74 @@ class VerticalParameters:
 
 
 @dataclass(frozen=True)
+class ReflectionParameters:
+    """When a point can only be seen through the ground.
+
+    Parameters
+    ----------
+    noises : float
+        Standard deviations by which a sight line passes below the ground, besides a step. Derived:
+        the usual three.
+    cell_m : float
+        Side of a cell of the map of the ground. Derived: a sight line drops by less than a step
+        within a cell.
+    cells : int
+        Cells along each side of that map, which reaches ahead and to either side of the camera.
+    min_points : int
+        Points from which a cell is seen.
+    parts : tuple of float
+        Where a sight line is checked, from the ground plane (0) to its point (1).
+    margin_m : float
+        Length before its point that is not checked. Derived: more than the diagonal of a cell.
+    """
+
+    noises: float = 3.0
+    cell_m: float = 0.15
+    cells: int = 100
+    min_points: int = 3
+    parts: tuple[float, ...] = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)
+    margin_m: float = 0.25
+
+
+@dataclass(frozen=True)
+class BrimParameters:
+    """When a jump of the sight lines is the brim of a drop.
+
+    Parameters
+    ----------
+    reach_px : int
+        Rows above and below a brim at which the heights are compared. Derived: matching blurs a
+        jump over its block and the window of the refinement.
+    noises : float
+        Standard deviations by which a drop exceeds the step. Derived: the usual three.
+    min_hidden_share : float
+        Slope between both points, relative to the sight line's, from which the ground in between
+        is hidden. Tuned on ray-cast edges and crests.
+    min_sight_deg : float
+        Flatter sight lines jump over gaps everywhere. Tuned on ray-cast edges and crests.
+    before_m : float
+        Length of the ground before a brim whose slope is measured. Derived: a wheel.
+    max_rise_deg : float
+        What rises more just before it ends is an object, not the ground. Derived: half a step of
+        0.10 m over that length.
+    max_grazing_share : float
+        Downward slope before the brim, relative to the sight line's, from which it is a crest:
+        ground that bends down gradually. Tuned on ray-cast edges and crests.
+    min_width_m : float
+        Narrower brims are noise, or holes that no wheel enters.
+    """
+
+    reach_px: int = 4
+    noises: float = 3.0
+    min_hidden_share: float = 0.6
+    min_sight_deg: float = 8.0
+    before_m: float = 0.3
+    max_rise_deg: float = 10.0
+    max_grazing_share: float = 0.5
+    min_width_m: float = 0.15
+
+
+@dataclass(frozen=True)
 class TerrainParameters:
     """How the ground is mapped and judged.
 
@@ -168,6 +236,8 @@ class TerrainParameters:
     min_border_slope_share : float
         Share of the image below which a slope does not continue.
     vertical : VerticalParameters
+    brims : BrimParameters
+    reflections : ReflectionParameters
     """
 
     max_step_m: float = 0.10
@@ -215,3 +285,5 @@ class TerrainParameters:
     border_px: float = 5
     min_border_slope_share: float = 0.0025
     vertical: VerticalParameters = field(default_factory=VerticalParameters)
+    brims: BrimParameters = field(default_factory=BrimParameters)
+    reflections: ReflectionParameters = field(default_factory=ReflectionParameters)

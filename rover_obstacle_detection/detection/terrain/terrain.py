@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.terrain.elevation_map import Grid, MapPositions
+from rover_obstacle_detection.detection.terrain.elevation_map import (
+    Grid,
+    MapPositions,
+    cell_means,
+)
 
 Image = NDArray[np.float32]
 
@@ -50,6 +54,20 @@ class Layer:
     information: Grid
     ground_m: Grid
     camera_m: Grid
+
+    def without(self, excluded: NDArray[np.bool_]) -> Layer:
+        """Return the layer without the cells that show mostly excluded pixels.
+
+        Parameters
+        ----------
+        excluded : ndarray of bool, shape (height, width) of the image
+        """
+        excluded = excluded[self.rows]
+        if not excluded.any():
+            return self
+        weight = self.positions.inside.astype(np.float32)
+        share, _ = cell_means(excluded.astype(np.float32), weight, self.positions)
+        return replace(self, seen=self.seen & (share < 0.5))
 
 
 @dataclass(frozen=True, eq=False)

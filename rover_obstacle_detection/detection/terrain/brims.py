@@ -1,0 +1,185 @@
+"""Brims: ground that ends at a drop whose face cannot be seen from above."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.geometry.noise import height_noise_m
+from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.elevation_map import plane_coordinates
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+
+Image = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Brims:
+    """Where the ground ends.
+
+    Parameters
+    ----------
+    edge : ndarray of bool, shape (height, width)
+        Ground within a step of a brim.
+    beyond : ndarray of bool, shape (height, width)
+        What lies behind a brim, deeper below it than the rover can step.
+    """
+
+    edge: Mask
+    beyond: Mask
+
+
+def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
+    """Find where sight lines jump over a gap to something lower.
+
+    Parameters
+    ----------
+    stereo : Stereo
+    parameters : TerrainParameters
+
+    Notes
+    -----
+    From one image row to the next, the sight line moves on by a little ground. At a brim it leaves
+    the ground and meets it again farther away and lower. The points before and after lie nearly on
+    one sight line, so the slope between them is that of the sight line itself. Ground that bends
+    down gradually is seen ever more obliquely before it vanishes: that is a crest, no brim. The
+    top of a rock is no brim either, as it rises just before it ends.
+    """
+    p = parameters.brims
+    surface = _Surface.measured(stereo, parameters)
+    half = p.reach_px
+    rows, columns = stereo.disparity.shape
+    if rows <= 2 * half:
+        return Brims(np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.bool_))
+    found = np.zeros((rows, columns), np.bool_)
+    found[half:-half] = _jumps(surface, parameters)
+    found = _wide_enough(found, surface, parameters)
+    if not found.any():
+        return Brims(found, found.copy())
+    return Brims(_bands(found, surface, parameters), _lower_behind(found, surface, parameters))
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Each pixel's place over the ground plane, metres; NaN without a match."""
+
+    height_m: Image
+    along_m: Image
+    noise_m: Image
+    camera_m: float
+    rows_per_metre: Image
+    columns_per_metre: Image
+
+    @classmethod
+    def measured(cls, stereo: Stereo, parameters: TerrainParameters) -> _Surface:
+        camera, ground, disparity = stereo.frame.camera, stereo.ground, stereo.disparity
+        in_range = disparity > camera.disparity_at(parameters.max_range_m)
+        height_m = np.full_like(disparity, np.nan)
+        np.divide(
+            np.float32(ground.height_m) * (disparity - stereo.expected),
+            disparity,
+            out=height_m,
+            where=in_range,
+        )
+        along_m = plane_coordinates(disparity, camera, ground)[1]
+        descent_m = np.maximum(np.float32(ground.height_m) - height_m, np.float32(0))
+        noise_m = height_noise_m(disparity, descent_m, stereo.noise_px)
+        # Level ground at the distance a is seen under the slope H / a.
+        squares = along_m * along_m + np.float32(ground.height_m**2)
+        rows_per_metre = np.float32(camera.fy * ground.height_m) / np.maximum(squares, 1e-6)
+        return cls(
+            height_m,
+            along_m,
+            noise_m,
+            ground.height_m,
+            np.asarray(rows_per_metre, np.float32),
+            disparity / np.float32(camera.baseline_m),
+        )
+
+
+def _jumps(surface: _Surface, parameters: TerrainParameters) -> Mask:
+    """Rows between two points of which the upper one is lower, and hidden in between."""
+    p = parameters.brims
+    span = 2 * p.reach_px
+    near, far = slice(span, None), slice(None, -span)
+    height_m, along_m = surface.height_m, surface.along_m
+    fall_m = height_m[near] - height_m[far]
+    gap_m = along_m[far] - along_m[near]
+    sight = (np.float32(surface.camera_m) - height_m[near]) / np.maximum(along_m[near], 1e-3)
+    noise_m = np.hypot(surface.noise_m[near], surface.noise_m[far])
+    with np.errstate(invalid='ignore'):
+        found = fall_m > parameters.max_step_m + p.noises * noise_m
+        found &= fall_m > p.min_hidden_share * sight * gap_m
+        found &= sight > math.tan(math.radians(p.min_sight_deg))
+    if not found.any():
+        return np.asarray(found)
+    rows, columns = np.nonzero(found)
+    rise = _rise_before(surface, rows + span, columns, p.before_m)
+    level = rise < math.tan(math.radians(p.max_rise_deg))
+    level &= -rise < p.max_grazing_share * sight[rows, columns]
+    found[rows[~level], columns[~level]] = False
+    return np.asarray(found)
+
+
+def _rise_before(
+    surface: _Surface, rows: NDArray[np.intp], columns: NDArray[np.intp], before_m: float
+) -> Image:
+    """Rise towards each pixel over the ground just before it; NaN where that is not seen."""
+    last = surface.height_m.shape[0] - 1
+    steps = np.rint(before_m * surface.rows_per_metre[rows, columns])
+    below = np.minimum(rows + np.maximum(steps, 3), last).astype(np.intp)
+    rise_m = surface.height_m[rows, columns] - surface.height_m[below, columns]
+    run_m = surface.along_m[rows, columns] - surface.along_m[below, columns]
+    return np.asarray(rise_m / np.maximum(run_m, np.float32(0.02)), np.float32)
+
+
+def _wide_enough(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
+    """Keep the brims that are at least as wide as a wheel."""
+    joined = cv2.dilate(found.astype(np.uint8), np.ones((5, 5), np.uint8))
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
+    scale = np.where(found, surface.columns_per_metre, 0)
+    total = np.bincount(labels.ravel(), weights=scale.ravel(), minlength=count)
+    pixels = np.bincount(labels[found], minlength=count)
+    width_m = boxes[:, cv2.CC_STAT_WIDTH] * pixels / np.maximum(total, 1e-6)
+    kept = width_m >= parameters.brims.min_width_m
+    kept[0] = False
+    return np.asarray(found & kept[labels])
+
+
+def _bands(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
+    """The ground within a step before each brim."""
+    reach = parameters.brims.reach_px
+    rows, columns = np.nonzero(found)
+    last = found.shape[0] - 1
+    near = np.minimum(rows + reach, last)
+    width = np.rint(parameters.max_step_m * surface.rows_per_metre[near, columns])
+    # Found are the rows up to `reach` on either side of the brim.
+    end = np.minimum(rows + np.maximum(width - reach, 0).astype(np.intp), last)
+    change = np.zeros((found.shape[0] + 1, found.shape[1]), np.int32)
+    np.add.at(change, (rows, columns), 1)
+    np.add.at(change, (end + 1, columns), -1)
+    return np.asarray(np.cumsum(change, axis=0)[:-1] > 0)
+
+
+def _lower_behind(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
+    """Pixels above a brim in the image that lie deeper below it than a step."""
+    p = parameters.brims
+    count = found.shape[0]
+    reach = p.reach_px
+    height_m = np.nan_to_num(surface.height_m, nan=0.0)
+    level_m = np.zeros_like(height_m)
+    level_m[:-reach] = height_m[reach:]
+    # Row of the nearest brim below each pixel, counted from the bottom.
+    upwards = np.arange(count)[:, np.newaxis]
+    marked = np.where(found[::-1], upwards, -1)
+    nearest = np.maximum.accumulate(marked, axis=0)
+    brim_m = np.take_along_axis(level_m[::-1], np.maximum(nearest, 0), axis=0)[::-1]
+    has_brim = nearest[::-1] >= 0
+    limit_m = brim_m - parameters.max_step_m - p.noises * surface.noise_m
+    with np.errstate(invalid='ignore'):
+        return np.asarray(has_brim & (surface.height_m < limit_m))
