@@ -25,7 +25,7 @@ class Brims:
     Parameters
     ----------
     edge : ndarray of bool, shape (height, width)
-        Ground within a step of a brim.
+        The last few pixels of the ground before a brim.
     beyond : ndarray of bool, shape (height, width)
         What lies behind a brim, deeper below it than the rover can step.
     """
@@ -56,17 +56,22 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     rows, columns = stereo.disparity.shape
     if rows <= 2 * half:
         return Brims(np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.bool_))
-    found = np.zeros((rows, columns), np.bool_)
-    found[half:-half] = _jumps(surface, parameters)
+    found = _jumps(surface, parameters)
     found = _wide_enough(found, surface, parameters)
     if not found.any():
         return Brims(found, found.copy())
-    return Brims(_bands(found, surface, parameters), _lower_behind(found, surface, parameters))
+    return Brims(
+        _before_brim(found, surface, parameters), _lower_behind(found, surface, parameters)
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """Each pixel's place over the ground plane, metres; NaN without a match."""
+    """Each pixel's place over the ground plane, metres; NaN without a match.
+
+    `next_below` and `next_above` are the rows of the nearest match at or below and at or above
+    each pixel, or the last row and the first.
+    """
 
     height_m: Image
     along_m: Image
@@ -74,6 +79,8 @@ class _Surface:
     camera_m: float
     rows_per_metre: Image
     columns_per_metre: Image
+    next_below: NDArray[np.intp]
+    next_above: NDArray[np.intp]
 
     @classmethod
     def measured(cls, stereo: Stereo, parameters: TerrainParameters) -> _Surface:
@@ -92,6 +99,9 @@ class _Surface:
         # Level ground at the distance a is seen under the slope H / a.
         squares = along_m * along_m + np.float32(ground.height_m**2)
         rows_per_metre = np.float32(camera.fy * ground.height_m) / np.maximum(squares, 1e-6)
+        row = np.arange(len(disparity), dtype=np.intp)[:, np.newaxis]
+        below = np.where(in_range, row, len(disparity) - 1)
+        above = np.where(in_range, row, 0)
         return cls(
             height_m,
             along_m,
@@ -99,31 +109,37 @@ class _Surface:
             ground.height_m,
             np.asarray(rows_per_metre, np.float32),
             disparity / np.float32(camera.baseline_m),
+            np.minimum.accumulate(below[::-1], axis=0)[::-1],
+            np.maximum.accumulate(above, axis=0),
         )
 
 
 def _jumps(surface: _Surface, parameters: TerrainParameters) -> Mask:
     """Rows between two points of which the upper one is lower, and hidden in between."""
     p = parameters.brims
-    span = 2 * p.reach_px
-    near, far = slice(span, None), slice(None, -span)
-    height_m, along_m = surface.height_m, surface.along_m
-    fall_m = height_m[near] - height_m[far]
-    gap_m = along_m[far] - along_m[near]
-    sight = (np.float32(surface.camera_m) - height_m[near]) / np.maximum(along_m[near], 1e-3)
-    noise_m = np.hypot(surface.noise_m[near], surface.noise_m[far])
+    found = np.zeros(surface.height_m.shape, np.bool_)
+    inner = found[p.reach_px : -p.reach_px]
+    near = surface.next_below[2 * p.reach_px :]
+    far = surface.next_above[: -2 * p.reach_px]
+    near_m, far_m, near_along_m, far_along_m, near_noise_m, far_noise_m = (
+        np.take_along_axis(image, row, axis=0)
+        for image in (surface.height_m, surface.along_m, surface.noise_m)
+        for row in (near, far)
+    )
+    fall_m, gap_m = near_m - far_m, far_along_m - near_along_m
+    sight = (np.float32(surface.camera_m) - near_m) / np.maximum(near_along_m, np.float32(1e-3))
+    limit_m = parameters.max_step_m + p.noises * np.hypot(near_noise_m, far_noise_m)
     with np.errstate(invalid='ignore'):
-        found = fall_m > parameters.max_step_m + p.noises * noise_m
-        found &= fall_m > p.min_hidden_share * sight * gap_m
-        found &= sight > math.tan(math.radians(p.min_sight_deg))
-    if not found.any():
-        return np.asarray(found)
-    rows, columns = np.nonzero(found)
-    rise = _rise_before(surface, rows + span, columns, p.before_m)
+        inner |= fall_m > limit_m
+        inner &= fall_m > p.min_hidden_share * sight * gap_m
+        inner &= sight > math.tan(math.radians(p.min_sight_deg))
+    inner &= near - far <= 2 * p.reach_px + p.max_unseen_px
+    rows, columns = np.nonzero(inner)
+    rise = _rise_before(surface, near[rows, columns], columns, p.before_m)
     level = rise < math.tan(math.radians(p.max_rise_deg))
     level &= -rise < p.max_grazing_share * sight[rows, columns]
-    found[rows[~level], columns[~level]] = False
-    return np.asarray(found)
+    inner[rows[~level], columns[~level]] = False
+    return found
 
 
 def _rise_before(
@@ -151,35 +167,30 @@ def _wide_enough(found: Mask, surface: _Surface, parameters: TerrainParameters) 
     return np.asarray(found & kept[labels])
 
 
-def _bands(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
-    """The ground within a step before each brim."""
-    reach = parameters.brims.reach_px
-    rows, columns = np.nonzero(found)
-    last = found.shape[0] - 1
-    near = np.minimum(rows + reach, last)
-    width = np.rint(parameters.max_step_m * surface.rows_per_metre[near, columns])
-    # Found are the rows up to `reach` on either side of the brim.
-    end = np.minimum(rows + np.maximum(width - reach, 0).astype(np.intp), last)
-    change = np.zeros((found.shape[0] + 1, found.shape[1]), np.int32)
-    np.add.at(change, (rows, columns), 1)
-    np.add.at(change, (end + 1, columns), -1)
-    return np.asarray(np.cumsum(change, axis=0)[:-1] > 0)
+def _before_brim(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
+    """The last few pixels of the ground before each brim."""
+    p = parameters.brims
+    top = found.copy()
+    top[1:] &= ~found[:-1]
+    rows, columns = np.nonzero(top)
+    # The uppermost row found has its lower point on the brim.
+    last = surface.next_below[np.minimum(rows + p.reach_px, len(found) - 1), columns]
+    edge = np.zeros_like(found)
+    for step in range(-p.blur_px, p.edge_px + 1):
+        edge[np.clip(last + step, 0, len(found) - 1), columns] = True
+    return edge
 
 
 def _lower_behind(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
     """Pixels above a brim in the image that lie deeper below it than a step."""
     p = parameters.brims
-    count = found.shape[0]
-    reach = p.reach_px
-    height_m = np.nan_to_num(surface.height_m, nan=0.0)
-    level_m = np.zeros_like(height_m)
-    level_m[:-reach] = height_m[reach:]
+    last = len(found) - 1
+    upwards = np.arange(len(found))[:, np.newaxis]
     # Row of the nearest brim below each pixel, counted from the bottom.
-    upwards = np.arange(count)[:, np.newaxis]
-    marked = np.where(found[::-1], upwards, -1)
-    nearest = np.maximum.accumulate(marked, axis=0)
-    brim_m = np.take_along_axis(level_m[::-1], np.maximum(nearest, 0), axis=0)[::-1]
-    has_brim = nearest[::-1] >= 0
+    nearest = np.maximum.accumulate(np.where(found[::-1], upwards, -1), axis=0)[::-1]
+    brim = np.clip(last - nearest + p.reach_px, 0, last)
+    brim = np.take_along_axis(surface.next_below, brim, axis=0)
+    brim_m = np.take_along_axis(surface.height_m, brim, axis=0)
     limit_m = brim_m - parameters.max_step_m - p.noises * surface.noise_m
     with np.errstate(invalid='ignore'):
-        return np.asarray(has_brim & (surface.height_m < limit_m))
+        return np.asarray((nearest >= 0) & (surface.height_m < limit_m))

@@ -122,6 +122,11 @@ class BrimParameters:
     reach_px : int
         Rows above and below a brim at which the heights are compared. Derived: matching blurs a
         jump over its block and the window of the refinement.
+    max_unseen_px : int
+        Rows without a match that a brim may have above it. Derived: matching leaves gaps at jumps.
+    blur_px, edge_px : int
+        Rows above and below the last match before a brim that are marked. Derived: matching may
+        place a brim a few pixels too high, and a planner needs some points to see it.
     noises : float
         Standard deviations by which a drop exceeds the step. Derived: the usual three.
     min_hidden_share : float
@@ -142,6 +147,9 @@ class BrimParameters:
     """
 
     reach_px: int = 4
+    max_unseen_px: int = 12
+    blur_px: int = 2
+    edge_px: int = 4
     noises: float = 3.0
     min_hidden_share: float = 0.6
     min_sight_deg: float = 8.0
