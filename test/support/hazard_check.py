@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from hazard_scene import HazardScene, View
 from hazard_scenes import HAZARD_SCENES
-from raycast import BLIND, BRIM, FREE, NOT_FREE, OBSTACLE
+from surfaces import BLIND, BRIM, FREE, NOT_FREE, OBSTACLE
 
 from rover_obstacle_detection import Detector, DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
@@ -41,7 +41,8 @@ def judge(
     Parameters
     ----------
     gravity : bool
-        Tell the detector the true vertical and the height of the camera.
+        Tell the detector the true vertical and the height of the camera; not where the fault is
+        that nobody knows it.
     save : path, optional
         Write a picture of the expectation and the result to this folder.
     **detector
@@ -51,10 +52,11 @@ def judge(
     config = detector.pop('config', {})
     if not isinstance(config, DetectorConfig):
         config = DetectorConfig(**{**scene.config, **config})
+    told = gravity and not scene.fault.upside_down
     detection: Detection | None = None
     try:
         detection = Detector(scene.camera, config, **detector).detect(
-            view.left, view.right, gravity=scene.gravity if gravity else None
+            view.left, view.right, gravity=scene.gravity if told else None
         )
         ok, text = verdict(view.expected, detection.mask > 0, detection.known)
         text += f'; {_pose(detection, scene)}'

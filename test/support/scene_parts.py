@@ -7,8 +7,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from hazard_scene import Band
-from raycast import FREE, OBSTACLE, UNBOUNDED, Ellipsoid, Look, Patch, Rig, Surface
+from hazard_scene import Band, HazardScene
+from surfaces import FREE, OBSTACLE, UNBOUNDED, Ellipsoid, Look, Patch, Rig, Surface
 
 RIGS = {
     'rover': Rig(),
@@ -144,3 +144,15 @@ def pitch_for_row(rig: Rig, row: float, y: float, z: float = 0.0) -> float:
     """Pitch, degrees, at which the image row shows a height z at a distance y ahead."""
     below_horizon = math.atan2(rig.height_m - z, y)
     return math.degrees(below_horizon - math.atan((row - rig.camera.cy) / rig.focal_px))
+
+
+def make_scene(
+    what: str, name: str, parts: tuple, distance_m: float, yaw_deg: float = 0, **fields
+) -> HazardScene:
+    """A scene before the rig of a name, its parts turned about the hazard."""
+    if yaw_deg:
+        parts = turned(parts, yaw_deg, (0.0, distance_m))
+        what = f'{what}_oblique{yaw_deg:+d}'
+    surfaces = tuple(part for part in parts if not isinstance(part, Band))
+    bands = tuple(part for part in parts if isinstance(part, Band))
+    return HazardScene(f'{what}_{name}', RIGS[name], surfaces, bands, distance_m, **fields)
