@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hazard_scene import Band, Fault, HazardScene, band_px
 from hazard_scenes import HAZARD_SCENES
+from random_scenes import random_scenes
 from raycast import NOTHING, cast
 from scene_parts import box, dome, level, line_across, profile, row_of, turned, wall
 from surfaces import (
@@ -257,6 +258,7 @@ def test_scenes_show_what_they_are_named_after(kind):
         'free': (FREE,),
         'drop': (BRIM,),
         'blind': (BLIND, NOT_FREE),
+        'mirror': (FREE,),
     }.get(kind, (OBSTACLE, NOT_FREE, BRIM))
     for scene in HAZARD_SCENES:
         if scene.kind != kind:
@@ -268,3 +270,14 @@ def test_scenes_show_what_they_are_named_after(kind):
             assert values <= {*asked, UNCOUNTED}, scene.name
         if BRIM in values:
             assert (expected == BRIM).any(axis=0).mean() > 0.7, scene.name
+
+
+def test_scenes_drawn_at_random_are_the_same_again_and_show_their_hazard():
+    scenes, again = random_scenes(16, seed=3), random_scenes(8, seed=3)
+    assert [each.name for each in scenes[:8]] == [each.name for each in again]
+    assert scenes[4].rig == again[4].rig != random_scenes(5, seed=4)[4].rig
+    for scene in scenes:
+        expected = scene.resized(160).render().expected
+        assert (expected == FREE).mean() > 0.02, scene.name
+        hazard = np.isin(expected, (OBSTACLE, BRIM)).any()
+        assert hazard == (scene.kind != 'free'), scene.name

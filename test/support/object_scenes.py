@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from ground_hazards import trench_line
 from hazard_scene import HazardScene
 from scene_parts import (
+    FAR_M,
     GROUND,
     RIGS,
     ROCK,
@@ -29,7 +31,6 @@ from surfaces import (
     Look,
     Patch,
     Shadow,
-    Surface,
 )
 
 
@@ -43,7 +44,7 @@ def walls() -> Iterator[HazardScene]:
     ):
         rig = RIGS[name].with_(pitch_deg=pitch_deg)
         surfaces = (*level(), wall(distance_m, expect=NOT_FREE))
-        yield HazardScene(f'wall_fills_{name}', rig, surfaces, range_m=distance_m)
+        yield make_scene('wall_fills', rig, surfaces, distance_m)
     for name, distance_m, share, yaw_deg in (
         ('rover', 2.0, 0.10, 0),
         ('low', 1.2, 0.20, 0),
@@ -59,7 +60,7 @@ def walls() -> Iterator[HazardScene]:
         rig = rig.with_(pitch_deg=pitch_for_row(rig, (1 - share) * rig.height, distance_m))
         surfaces = (*level(), wall(distance_m, yaw_deg))
         what = f'oblique{yaw_deg:+d}' if yaw_deg else 'strip'
-        yield HazardScene(f'wall_{what}_{share:.2f}_{name}', rig, surfaces, range_m=distance_m)
+        yield make_scene(f'wall_{what}_{share:.2f}', rig, surfaces, distance_m)
     for name, side_m, pitch_deg in (
         ('car', -3.0, 5.0),
         ('car', 2.5, 2.0),
@@ -69,10 +70,8 @@ def walls() -> Iterator[HazardScene]:
     ):
         rig = RIGS[name].with_(pitch_deg=pitch_deg)
         side = turned((wall(0.0, height_m=6.0),), 90, (0, 0))[0]
-        building = HazardScene(
-            f'wall_beside_{side_m:+.1f}_{name}', rig, (*level(), _moved_x(side, side_m))
-        )
-        yield building.with_(range_m=abs(side_m))
+        surfaces = (*level(), replace(side, corner=(side_m, 0.0, 0.0)))
+        yield make_scene(f'wall_beside_{side_m:+.1f}', rig, surfaces, abs(side_m))
     for name, distance_m, pitch_deg, size in (
         ('rover', 1.6, 20.0, (0.8, 0.03, 1.0)),
         ('low', 1.1, 15.0, (0.6, 0.02, 0.7)),
@@ -82,7 +81,7 @@ def walls() -> Iterator[HazardScene]:
     ):
         surfaces = (*level(), *box(0.05, distance_m, size, yaw_deg=8))
         rig = RIGS[name].with_(pitch_deg=pitch_deg)
-        yield HazardScene(f'wall_board_{name}', rig, surfaces, range_m=distance_m)
+        yield make_scene('wall_board', rig, surfaces, distance_m)
 
 
 def rocks() -> Iterator[HazardScene]:
@@ -119,7 +118,7 @@ def rocks() -> Iterator[HazardScene]:
     ):
         plate = box(x, distance_m, size, yaw_deg=yaw_deg)
         what = f'rock_plate_{size[0]:.2f}_turned{yaw_deg:+d}'
-        yield make_scene(what, name, (*level(), *plate), distance_m)
+        yield make_scene(what, RIGS[name], (*level(), *plate), distance_m)
     # The rover drives over steps of 0.25 m; these are taller and wider than its view of them.
     for name, what, x, distance_m, size_m in (
         ('rover', 'box', 0.1, 2.2, 0.60),
@@ -146,7 +145,7 @@ def _rock(what, name, shape, where, look: Look = ROCK, **fields) -> HazardScene:
     else:
         size = (size_m, 0.8 * size_m, size_m)
         rock = box(x, distance_m, size, yaw_deg=15, look=look)
-    return make_scene(what, name, (*level(), *rock), distance_m, **fields)
+    return make_scene(what, RIGS[name], (*level(), *rock), distance_m, **fields)
 
 
 def _at_left_border(name: str, distance_m: float, size_m: float) -> HazardScene:
@@ -157,7 +156,7 @@ def _at_left_border(name: str, distance_m: float, size_m: float) -> HazardScene:
     x = edge_m + 0.5 * rig.baseline_m
     size = (0.6 * rig.baseline_m, size_m, size_m)
     rock = box(x, distance_m, size, expect=NOT_FREE)
-    return make_scene(f'rock_border_{size_m:.2f}', name, (*level(), *rock), distance_m)
+    return make_scene(f'rock_border_{size_m:.2f}', rig, (*level(), *rock), distance_m)
 
 
 def shadows() -> Iterator[HazardScene]:
@@ -170,13 +169,13 @@ def shadows() -> Iterator[HazardScene]:
     ):
         shadow = Shadow((-0.5, 0.6), (distance_m - 0.35, distance_m + 0.5), light)
         dark = Light(shadows=(shadow,))
-        yield make_scene('free_black_shadow', name, level(), distance_m, light=dark)
+        yield make_scene('free_black_shadow', RIGS[name], level(), distance_m, light=dark)
         rock = box(0.05, distance_m, (0.3, 0.25, 0.25), yaw_deg=10, expect=NOT_FREE)
-        yield make_scene('shadow_rock', name, (*level(), *rock), distance_m, light=dark)
+        yield make_scene('shadow_rock', RIGS[name], (*level(), *rock), distance_m, light=dark)
         # With some light left, the rock is to be found.
         dim = Light(shadows=(replace(shadow, light=0.2),))
         rock = box(0.05, distance_m, (0.3, 0.25, 0.25), yaw_deg=10)
-        yield make_scene('shadow_dim_rock', name, (*level(), *rock), distance_m, light=dim)
+        yield make_scene('shadow_dim_rock', RIGS[name], (*level(), *rock), distance_m, light=dim)
     for name, distance_m, width_m, depth_m in (
         ('rover', 1.4, 0.7, 0.5),
         ('low', 0.9, 0.5, 0.3),
@@ -184,31 +183,32 @@ def shadows() -> Iterator[HazardScene]:
         ('study', 0.9, 0.5, 0.4),
     ):
         far = distance_m + width_m
-        points = [(-60.0, 0.0), (distance_m, 0.0), (distance_m, -depth_m)]
-        points += [(far, -depth_m), (far, 0.0), (60.0, 0.0)]
+        points = [(-FAR_M, 0.0), (distance_m, 0.0), *trench_line(depth_m, width_m, distance_m)]
         expects = [FREE, UNCOUNTED, NOT_FREE, NOT_FREE, FREE]
-        dark = Light(shadows=(Shadow((-60, 60), (distance_m - 0.001, far + 0.001), 0.02),))
+        dark = Light(shadows=(Shadow((-FAR_M, FAR_M), (distance_m - 0.001, far + 0.001), 0.02),))
         ground = profile(points, expects)
-        yield make_scene('shadow_trench', name, ground, distance_m, light=dark)
+        yield make_scene('shadow_trench', RIGS[name], ground, distance_m, light=dark)
 
 
 def slabs() -> Iterator[HazardScene]:
     """Floors that repeat themselves. Unknown is no error there, an obstacle is."""
     for name, tile_m, contrast, yaw_deg, distance_m in (
-        ('rover', 0.10, 0.02, 0, 1.8),
-        ('rover', 0.20, 0.03, 0, 2.0),
-        ('low', 0.05, 0.02, 0, 1.0),
-        ('low', 0.10, 0.02, 20, 1.2),
-        ('mast', 0.15, 0.02, 0, 2.5),
-        ('mast', 0.30, 0.04, 45, 2.2),
-        ('wide', 0.08, 0.02, 0, 0.9),
-        ('study', 0.10, 0.03, 0, 1.0),
+        ('rover', 0.10, 0.004, 0, 1.8),
+        ('rover', 0.20, 0.010, 0, 2.0),
+        ('rover', 0.10, 0.004, 30, 1.6),
+        ('low', 0.05, 0.004, 0, 1.0),
+        ('low', 0.10, 0.010, 20, 1.2),
+        ('mast', 0.15, 0.004, 0, 2.5),
+        ('mast', 0.30, 0.020, 45, 2.2),
+        ('wide', 0.08, 0.004, 0, 0.9),
+        ('study', 0.10, 0.004, 0, 1.0),
+        ('car', 0.30, 0.004, 0, 5.0),
     ):
         look = Look(150.0, contrast, tile_m=tile_m)
         floor = turned(level(look=look), yaw_deg, (0.0, 0.0))
         parts = (*floor, *box(0.1, distance_m, (0.3, 0.25, 0.3), yaw_deg=10))
         what = f'slabs_{tile_m:.2f}_turned{yaw_deg:+d}'
-        yield make_scene(what, name, parts, distance_m)
+        yield make_scene(what, RIGS[name], parts, distance_m)
 
 
 def faint() -> Iterator[HazardScene]:
@@ -216,13 +216,13 @@ def faint() -> Iterator[HazardScene]:
     for name, distance_m in (('rover', 1.6), ('low', 1.0), ('mast', 2.2), ('study', 1.0)):
         floor = level(look=replace(GROUND, contrast=0.012))
         parts = (*floor, *box(0.1, distance_m, (0.3, 0.25, 0.3), yaw_deg=10))
-        yield make_scene('faint_bare_floor', name, parts, distance_m)
+        yield make_scene('faint_bare_floor', RIGS[name], parts, distance_m)
     for name, distance_m in (('rover', 1.8), ('low', 1.0), ('mast', 2.4), ('study', 1.0)):
         parts = (*level(), *box(0.1, distance_m, (0.3, 0.25, 0.3), yaw_deg=10))
         veil = Light(veil=0.88)
-        yield make_scene('faint_veil_12_percent', name, parts, distance_m, light=veil)
+        yield make_scene('faint_veil_12_percent', RIGS[name], parts, distance_m, light=veil)
         fog = Light(fog=0.5 / distance_m)
-        yield make_scene('faint_fog', name, parts, distance_m, light=fog)
+        yield make_scene('faint_fog', RIGS[name], parts, distance_m, light=fog)
 
 
 def mirrors() -> Iterator[HazardScene]:
@@ -235,10 +235,10 @@ def mirrors() -> Iterator[HazardScene]:
         puddle = _puddle(0.05, distance_m, size)
         # Near enough to the puddle to be seen in it.
         parts = (*level(), puddle, wall(beyond_m))
-        yield make_scene('mirror_puddle_wall', name, parts, distance_m)
-        yield make_scene('mirror_puddle_sky', name, (*level(), puddle), distance_m)
+        yield make_scene('mirror_puddle_wall', RIGS[name], parts, distance_m)
+        yield make_scene('mirror_puddle_sky', RIGS[name], (*level(), puddle), distance_m)
         post = box(0.1, distance_m + size[1], (0.25, 0.2, 1.2))
-        yield make_scene('mirror_puddle_post', name, (*level(), puddle, *post), distance_m)
+        yield make_scene('mirror_puddle_post', RIGS[name], (*level(), puddle, *post), distance_m)
     # The bonnet covers this share of the image.
     for name, pitch_deg, length_m, share in (
         ('car', 12.0, 1.6, 0.20),
@@ -253,10 +253,9 @@ def mirrors() -> Iterator[HazardScene]:
         front_m = rig.height_m - length_m * math.tan(math.radians(pitch_deg) + below_axis)
         # Asphalt, with a house ahead for the bonnet to mirror.
         look = replace(GROUND, grey=100.0, contrast=0.12)
-        house = wall(7 * rig.height_m, height_m=12 * rig.height_m)
+        house = wall(7 * rig.height_m, height_m=12 * rig.height_m, expect=UNCOUNTED)
         parts = (*_bonnet(front_m, length_m), *level(look=look), house)
-        scene = make_scene(f'mirror_bonnet_{pitch_deg:.0f}', name, parts, length_m)
-        yield scene.with_(rig=rig)
+        yield make_scene(f'mirror_bonnet_{pitch_deg:.0f}', rig, parts, length_m)
 
 
 def _puddle(x: float, y: float, size: tuple[float, float]) -> Patch:
@@ -275,8 +274,3 @@ def _bonnet(front_m: float, length_m: float, facets: int = 8) -> tuple[Patch, ..
     look = Look(45.0, 0.05, mirror=0.6)
     half = 0.6 * length_m
     return profile(points, [UNCOUNTED] * facets, look, (-half, half))
-
-
-def _moved_x(surface: Surface, x: float) -> Surface:
-    corner = (surface.corner[0] + x, *surface.corner[1:])
-    return surface.__class__(**{**vars(surface), 'corner': corner})

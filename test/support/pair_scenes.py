@@ -98,11 +98,12 @@ def faulty() -> Iterator[HazardScene]:
 
 def _boxes(what: str, name: str) -> HazardScene:
     """Two obstacles on level ground, sized for the camera."""
-    unit = RIGS[name].height_m
+    rig = RIGS[name]
+    unit = rig.height_m
     near, far = 1.6 * unit, 2.6 * unit
     parts = (
         *level(),
         *box(-0.2 * unit, near, (0.3 * unit, 0.25 * unit, 0.3 * unit), yaw_deg=10),
         dome(0.6 * unit, far, 0.25 * unit, 0.35 * unit),
     )
-    return make_scene(what, name, parts, near)
+    return make_scene(what, rig, parts, near)

@@ -31,6 +31,7 @@ class Rig:
     height_m: float = 0.9
     pitch_deg: float = 25.0
     roll_deg: float = 0.0
+    name: str = 'rig'
 
     def with_(self, **changes) -> Rig:
         return replace(self, **changes)
