@@ -148,11 +148,3 @@ def compressed(left: Image, right: Image, side: str = 'both', quality: int = 30)
         return cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
 
     return _on((left, right), side, change)
-
-
-def torn(left: Image, right: Image, other_right: Image, share: float = 0.5) -> Pair:
-    """The lower rows of the right image come from another image."""
-    whole = right.copy()
-    first = round((1 - share) * right.shape[0])
-    whole[first:] = other_right[first:]
-    return left, whole
