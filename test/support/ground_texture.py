@@ -8,32 +8,33 @@ import cv2
 import numpy as np
 
 TEXEL_M = 0.002
-COARSE_TEXEL_M = 0.0053
-SIDE = 2048
-LEVELS = 7
-FALLOFF = 1.0
-# The pattern repeats every 4.1 m along axes that are turned, so that no row shows it twice.
+COARSE_TEXEL_M = 0.008
+SIDE = 1024
+LEVELS = 6
+# Longest wave of the fine texture, texels: without long waves its repetition does not show.
+LONGEST = 80.0
+# The axes are turned so that no row of the ground shows the same twice.
 TURN = np.array([[np.cos(0.47), -np.sin(0.47)], [np.sin(0.47), np.cos(0.47)]], np.float32)
 
 
 def weathered(u: np.ndarray, v: np.ndarray, footprint_m: np.ndarray) -> np.ndarray:
-    """Sample noise of all octaves from 2 mm to 10 m, mean 0 and standard deviation 1.
+    """Sample noise of all octaves from 4 mm to 4 m, mean 0 and standard deviation 1.
 
     ``u`` and ``v`` are metres on the surface. Details finer than the footprint of a pixel are
     averaged out.
     """
     along = TURN[0, 0] * u + TURN[0, 1] * v
     across = TURN[1, 0] * u + TURN[1, 1] * v
-    total = _sample(along, across, footprint_m, TEXEL_M)
-    # Of another period, so that far ground, where many periods are seen, does not repeat.
-    return 0.75 * total + 0.66 * _sample(across, along, footprint_m, COARSE_TEXEL_M)
+    fine = _sample(_pyramid(LONGEST), along, across, footprint_m, TEXEL_M)
+    coarse = _sample(_pyramid(SIDE / 2), across, along, footprint_m, COARSE_TEXEL_M)
+    return 0.6 * fine + 0.8 * coarse
 
 
-def _sample(x_m, y_m, footprint_m, texel_m):
+def _sample(pyramid, x_m, y_m, footprint_m, texel_m):
     level = np.log2(np.maximum(footprint_m, texel_m) / np.float32(texel_m))
     level = np.minimum(level, LEVELS - 1)
     total = np.zeros(x_m.shape, np.float32)
-    for number, image in enumerate(_pyramid()):
+    for number, image in enumerate(pyramid):
         share = 1 - np.abs(level - np.float32(number))
         rows = np.flatnonzero((share > 0).any(axis=1))
         if not rows.size:
@@ -41,7 +42,8 @@ def _sample(x_m, y_m, footprint_m, texel_m):
         part = np.s_[rows[0] : rows[-1] + 1]
         scale, side = np.float32(1 / (texel_m * 2**number)), image.shape[0]
         # Texel centres of a coarser level lie between those of the finer one.
-        x, y = (np.mod(each[part] * scale - np.float32(0.5), side) for each in (x_m, y_m))
+        offset = np.float32(0.5 - 0.5 / 2**number)
+        x, y = (np.mod(each[part] * scale - offset, side) for each in (x_m, y_m))
         texture = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
         total[part] += np.maximum(share[part], 0) * texture
     return total
@@ -60,15 +62,15 @@ def tiles(u, v, footprint_m, tile_m, joint_m) -> np.ndarray:
 
 
 @cache
-def _pyramid() -> tuple[np.ndarray, ...]:
+def _pyramid(longest: float) -> tuple[np.ndarray, ...]:
     """Periodic noise whose octaves have equal strength, and its averages over 2, 4, ... texels."""
     rows, columns = np.fft.fftfreq(SIDE)[:, np.newaxis], np.fft.rfftfreq(SIDE)[np.newaxis]
     frequency = np.hypot(rows, columns)
     frequency[0, 0] = np.inf
+    strength = (frequency > 1 / longest) / frequency
     white = np.random.default_rng(5).standard_normal((SIDE, SIDE), np.float32)
-    image = np.fft.irfft2(np.fft.rfft2(white) / frequency**FALLOFF, s=(SIDE, SIDE))
-    image = (image / image.std()).astype(np.float32)
-    levels = [image]
+    image = np.fft.irfft2(np.fft.rfft2(white) * strength, s=(SIDE, SIDE))
+    levels = [(image / image.std()).astype(np.float32)]
     for _ in range(1, LEVELS):
         levels.append(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
     return tuple(levels)

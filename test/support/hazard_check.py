@@ -1,9 +1,10 @@
 """Judge a detection by what a hazard scene expects of each pixel, as a table.
 
     PYTHONPATH=.:test/support python test/support/hazard_check.py [PATTERN ...] [--gravity]
-        [--save DIR] [--set max_step=0.2] [--noise 3] [--quiet]
+        [--save DIR] [--set max_step=0.2] [--noise 3] [--random 40 --seed 1] [--quiet]
 
-Patterns are those of file names, such as ``drop_*`` or ``*_mast``; by default, all scenes.
+Patterns are those of file names, such as ``drop_*`` or ``*_mast``; by default, all scenes. With
+``--random``, scenes drawn at random take the place of the list.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ import cv2
 import numpy as np
 from hazard_scene import HazardScene, View
 from hazard_scenes import HAZARD_SCENES
-from raycast import BLIND, BRIM, FREE, NOT_FREE, OBSTACLE
+from random_scenes import random_scenes
+from surfaces import BLIND, BRIM, FREE, NOT_FREE, OBSTACLE
 
 from rover_obstacle_detection import Detector, DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
@@ -41,7 +43,8 @@ def judge(
     Parameters
     ----------
     gravity : bool
-        Tell the detector the true vertical and the height of the camera.
+        Tell the detector the true vertical and the height of the camera; not where the fault is
+        that nobody knows it.
     save : path, optional
         Write a picture of the expectation and the result to this folder.
     **detector
@@ -51,10 +54,11 @@ def judge(
     config = detector.pop('config', {})
     if not isinstance(config, DetectorConfig):
         config = DetectorConfig(**{**scene.config, **config})
+    told = gravity and not scene.fault.upside_down
     detection: Detection | None = None
     try:
         detection = Detector(scene.camera, config, **detector).detect(
-            view.left, view.right, gravity=scene.gravity if gravity else None
+            view.left, view.right, gravity=scene.gravity if told else None
         )
         ok, text = verdict(view.expected, detection.mask > 0, detection.known)
         text += f'; {_pose(detection, scene)}'
@@ -123,6 +127,8 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument('patterns', nargs='*', default=['*'], help='names of scenes, with * and ?')
     parser.add_argument('--gravity', action='store_true', help='tell the true vertical and height')
     parser.add_argument('--save', type=Path, help='folder for a picture of each scene')
+    parser.add_argument('--random', type=int, help='number of scenes drawn at random')
+    parser.add_argument('--seed', type=int, default=0, help='of the scenes drawn at random')
     parser.add_argument('--noise', type=float, help='image noise in grey levels')
     parser.add_argument(
         '--set', action='append', default=[], metavar='NAME=VALUE', help='detector parameter'
@@ -145,7 +151,10 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = _arguments(arguments)
     config = _config(chosen.set)
     passed, total = Counter[str](), Counter[str]()
-    for scene in HAZARD_SCENES:
+    scenes = HAZARD_SCENES
+    if chosen.random:
+        scenes = random_scenes(chosen.random, chosen.seed)
+    for scene in scenes:
         if not any(fnmatch(scene.name, pattern) for pattern in chosen.patterns):
             continue
         if chosen.noise is not None:
@@ -158,7 +167,7 @@ def main(arguments: list[str] | None = None) -> int:
         passed[scene.kind] += ok
         if not (ok and chosen.quiet):
             mark = 'ok  ' if ok else 'FAIL'
-            print(f'{mark} {scene.name:44} {seconds:4.1f} s  {text}', flush=True)
+            print(f'{mark} {scene.name:46} {seconds:4.1f} s  {text}', flush=True)
     for kind, count in total.items():
         print(f'{kind}: {passed[kind]} of {count}')
     print(f'{passed.total()} of {total.total()} scenes')

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -10,17 +10,17 @@ from typing import Any
 
 import cv2
 import numpy as np
-from raycast import (
+from raycast import NOTHING, cast
+from surfaces import (
+    BLIND,
     BRIM,
     DAYLIGHT,
     FREE,
-    NOTHING,
     OBSTACLE,
     UNCOUNTED,
     Light,
     Rig,
     Surface,
-    cast,
 )
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -29,6 +29,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 # Of images with 480 rows.
 MARGIN_PX = 3
 BAND_PX = 12
+COVER_MARGIN_PX = 24
 ROWS = 480
 # Free ground counts up to this many camera heights, and down to this disparity with 480 rows.
 COUNTED_HEIGHTS = 8.0
@@ -47,6 +48,25 @@ class Band:
     start: tuple[float, float, float]
     end: tuple[float, float, float]
     hides: bool = True
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of the cameras, and what it changes about what is expected.
+
+    ``apply`` takes and returns the left and the right image. ``expect_all`` replaces what is
+    expected of each pixel that counts. ``half_covered`` names the image whose right half shows
+    nothing. With ``upside_down``, what the right camera saw is shown turned by 180 degrees on the
+    left.
+    """
+
+    apply: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    expect_all: int | None = None
+    half_covered: str = ''
+    upside_down: bool = False
+
+
+NO_FAULT = Fault()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +89,9 @@ class View:
 class HazardScene:
     """A scene, its true pose, and how the detector is configured for it.
 
-    ``range_m`` is the distance of the hazard ahead of the camera, along the ground.
+    ``range_m`` is the distance of the hazard ahead of the camera, along the ground. The right
+    image is taken after the rover moved so far right and ahead. With ``may_refuse``, an error is
+    as good as an answer.
     """
 
     name: str
@@ -81,6 +103,8 @@ class HazardScene:
     seed: int = 0
     config: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     may_refuse: bool = False
+    fault: Fault = NO_FAULT
+    right_moved_m: tuple[float, float] = (0.0, 0.0)
 
     @property
     def kind(self) -> str:
@@ -100,7 +124,11 @@ class HazardScene:
 
     @property
     def gravity(self) -> Gravity:
-        return self.rig.gravity
+        gravity = self.rig.gravity
+        if self.fault.upside_down:
+            x, y, z = gravity.up
+            return replace(gravity, up=(-x, -y, z))
+        return gravity
 
     def with_(self, **changes) -> HazardScene:
         return replace(self, **changes)
@@ -118,12 +146,37 @@ class HazardScene:
 
 @lru_cache(maxsize=8)
 def _render(scene: HazardScene) -> View:
-    pair = cast(scene.rig, scene.surfaces, scene.light, scene.seed)
-    expected = expected_values(scene, pair.depth_m, pair.surface)
-    view = View(pair.left, pair.right, expected, pair.depth_m, pair.surface)
+    pair = cast(scene.rig, scene.surfaces, scene.light, scene.seed, scene.right_moved_m)
+    left, right, fault = pair.left, pair.right, scene.fault
+    depth_m, surface = pair.depth_m, pair.surface
+    if fault.upside_down:
+        depth_m, surface = pair.right_depth_m, pair.right_surface
+    expected = expected_values(scene, depth_m, surface)
+    if fault.expect_all is not None:
+        expected[expected != UNCOUNTED] = fault.expect_all
+    if fault.half_covered:
+        _cover(expected, scene, depth_m)
+    if fault.apply:
+        left, right = fault.apply(left, right)
+    if fault.upside_down:
+        expected, depth_m, surface = (
+            np.ascontiguousarray(each[::-1, ::-1]) for each in (expected, depth_m, surface)
+        )
+    view = View(left, right, expected, depth_m, surface)
     for array in vars(view).values():
         array.flags.writeable = False
     return view
+
+
+def _cover(expected: np.ndarray, scene: HazardScene, depth_m: np.ndarray) -> None:
+    """Expect nothing of what the covered half of the left or right image would show."""
+    camera = scene.camera
+    column = np.broadcast_to(np.arange(camera.width, dtype=float), expected.shape)
+    if scene.fault.half_covered == 'right':
+        column = column - np.nan_to_num(camera.fx * camera.baseline_m / depth_m)
+    beyond = column - camera.width // 2
+    expected[(beyond >= 0) & (expected != UNCOUNTED)] = BLIND
+    expected[np.abs(beyond) < COVER_MARGIN_PX * camera.height / ROWS] = UNCOUNTED
 
 
 def expected_values(scene: HazardScene, depth_m: np.ndarray, surface: np.ndarray) -> np.ndarray:

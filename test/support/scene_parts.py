@@ -7,16 +7,21 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from hazard_scene import Band
-from raycast import FREE, OBSTACLE, UNBOUNDED, Ellipsoid, Look, Patch, Rig, Surface
+from hazard_scene import Band, HazardScene
+from surfaces import FREE, OBSTACLE, UNBOUNDED, Ellipsoid, Look, Patch, Rig, Surface
+
+Line = list[tuple[float, float]]
 
 RIGS = {
-    'rover': Rig(),
-    'low': Rig(focal_px=420, baseline_m=0.10, height_m=0.5, pitch_deg=18),
-    'mast': Rig(focal_px=450, baseline_m=0.20, height_m=1.3, pitch_deg=32),
-    'wide': Rig(height=400, focal_px=330, baseline_m=0.09, height_m=0.45, pitch_deg=22),
-    'study': Rig(focal_px=415, baseline_m=0.06, height_m=1.0, pitch_deg=46),
-    'car': Rig(focal_px=700, baseline_m=0.5, height_m=1.6, pitch_deg=5),
+    rig.name: rig
+    for rig in (
+        Rig(name='rover'),
+        Rig(640, 480, 420, baseline_m=0.10, height_m=0.5, pitch_deg=18, name='low'),
+        Rig(640, 480, 450, baseline_m=0.20, height_m=1.3, pitch_deg=32, name='mast'),
+        Rig(640, 400, 330, baseline_m=0.09, height_m=0.45, pitch_deg=22, name='wide'),
+        Rig(640, 480, 415, baseline_m=0.06, height_m=1.0, pitch_deg=46, name='study'),
+        Rig(640, 480, 700, baseline_m=0.5, height_m=1.6, pitch_deg=5, name='car'),
+    )
 }
 
 GROUND = Look()
@@ -28,7 +33,7 @@ X, UP = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def profile(
-    points: list[tuple[float, float]],
+    points: Line,
     expects: list[int],
     look: Look = GROUND,
     across: tuple[float, float] = UNBOUNDED,
@@ -144,3 +149,15 @@ def pitch_for_row(rig: Rig, row: float, y: float, z: float = 0.0) -> float:
     """Pitch, degrees, at which the image row shows a height z at a distance y ahead."""
     below_horizon = math.atan2(rig.height_m - z, y)
     return math.degrees(below_horizon - math.atan((row - rig.camera.cy) / rig.focal_px))
+
+
+def make_scene(
+    what: str, rig: Rig, parts: tuple, distance_m: float, yaw_deg: float = 0, **fields
+) -> HazardScene:
+    """A scene before a rig, its patches and bands turned about the hazard."""
+    if yaw_deg:
+        parts = turned(parts, yaw_deg, (0.0, distance_m))
+        what = f'{what}_oblique{yaw_deg:+.0f}'
+    surfaces = tuple(part for part in parts if not isinstance(part, Band))
+    bands = tuple(part for part in parts if isinstance(part, Band))
+    return HazardScene(f'{what}_{rig.name}', rig, surfaces, bands, distance_m, **fields)
