@@ -96,7 +96,6 @@ def detect_hybrid(
     frame, correction, stereo, terrain, brims, warnings = measure(frame, p, finished, stages)
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
-    dropped |= brims.edge
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.
@@ -105,6 +104,8 @@ def detect_hybrid(
     finished('height')
     rocks = outlined_rocks(stereo, terrain, standing, p.rocks, stages.outlines)
     finished('outlines')
+    brims = brims.not_on(rocks.high)
+    dropped |= brims.edge(p.terrain.brims)
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
     finished('roughness')
     steep |= slope_in_border(steep, terrain, stereo.disparity, frame.camera, p.terrain)
@@ -116,7 +117,7 @@ def detect_hybrid(
         Cue.ROUGHNESS_STEP: rough,
         Cue.GREY_LEVEL: rocks.by_sight,
     }
-    detection = decided(found, ~brims.beyond, stereo, terrain, rocks, p)
+    detection = decided(found, ~brims.beyond(), stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
     detection = in_left_image(detection, frame)
     finished('mask')
@@ -160,7 +161,8 @@ def measure(
     terrain = stages.survey(stereo, p.terrain)
     finished('local ground')
     if frame.gravity is None and ground.measured:
-        before = [layer.without(brims.beyond) for layer in terrain.layers]
+        beyond = brims.beyond()
+        before = [layer.without(beyond) for layer in terrain.layers]
         up = stages.vertical(before, ground, p.terrain)
         stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.noise import height_noise_m
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.elevation_map import plane_coordinates
-from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.parameters import BrimParameters, TerrainParameters
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +25,61 @@ class Brims:
 
     Parameters
     ----------
-    edge : ndarray of bool, shape (height, width)
-        The last few pixels of the ground before a brim.
-    beyond : ndarray of bool, shape (height, width)
-        What lies behind a brim, deeper below it than the rover can step.
+    rows, columns : ndarray of int, shape (n,)
+        The last pixel of the ground before each brim.
+    drop_rows : ndarray of int, shape (n,)
+        Row of each brim: above it in its column lies what is behind.
+    level_m, limit_m : ndarray of float32, shape (n,) and (height, width)
+        Height of the ground at each brim, and how far below it a pixel is lower than the rover can
+        step, noise included, metres.
+    height_m : ndarray of float32, shape (height, width)
+        Height of each pixel over the ground plane, metres; NaN where there is no match.
     """
 
-    edge: Mask
-    beyond: Mask
+    rows: Rows
+    columns: Rows
+    drop_rows: Rows
+    level_m: Image
+    limit_m: Image
+    height_m: Image
+
+    def not_on(self, obstacles: Mask) -> Brims:
+        """Return the brims that are no rims of the given obstacles, shape (height, width)."""
+        kept = ~obstacles[self.rows, self.columns]
+        return replace(
+            self,
+            rows=self.rows[kept],
+            columns=self.columns[kept],
+            drop_rows=self.drop_rows[kept],
+            level_m=self.level_m[kept],
+        )
+
+    def edge(self, parameters: BrimParameters) -> Mask:
+        """Mark the last few pixels of the ground before each brim, shape (height, width)."""
+        edge = np.zeros(self.height_m.shape, np.bool_)
+        for step in range(-parameters.blur_px, parameters.edge_px + 1):
+            edge[np.clip(self.rows + step, 0, len(edge) - 1), self.columns] = True
+        return edge
+
+    def beyond(self) -> Mask:
+        """Mark the pixels behind a brim that lie lower than the rover can step.
+
+        Returns
+        -------
+        ndarray of bool, shape (height, width)
+        """
+        if not self.rows.size:
+            return np.zeros(self.height_m.shape, np.bool_)
+        last = len(self.height_m) - 1
+        # Row of the nearest brim below each pixel, counted from the bottom.
+        nearest = np.full(self.height_m.shape, -1, np.intp)
+        nearest[self.drop_rows, self.columns] = last - self.drop_rows
+        nearest = np.maximum.accumulate(nearest[::-1], axis=0)[::-1]
+        level_m = np.full_like(self.height_m, np.nan)
+        level_m[self.drop_rows, self.columns] = self.level_m
+        level_m = np.take_along_axis(level_m, np.clip(last - nearest, 0, last), axis=0)
+        with np.errstate(invalid='ignore'):
+            return np.asarray((nearest >= 0) & (self.height_m < level_m - self.limit_m))
 
 
 def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
@@ -52,17 +100,16 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     """
     p = parameters.brims
     surface = _Surface.measured(stereo, parameters)
-    half = p.reach_px
-    rows, columns = stereo.disparity.shape
-    if rows <= 2 * half:
-        return Brims(np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.bool_))
-    found = _jumps(surface, parameters)
-    found = _wide_enough(found, surface, parameters)
-    if not found.any():
-        return Brims(found, found.copy())
-    return Brims(
-        _before_brim(found, surface, parameters), _lower_behind(found, surface, parameters)
-    )
+    found = np.zeros(stereo.disparity.shape, np.bool_)
+    if len(found) > 2 * p.reach_px:
+        found = _wide_enough(_jumps(surface, parameters), surface, parameters)
+    # Of each run of rows found, the uppermost has its lower point on the brim.
+    found[1:] &= ~found[:-1]
+    drop_rows, columns = np.nonzero(found)
+    rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 1), columns]
+    limit_m = np.float32(parameters.max_step_m) + np.float32(p.noises) * surface.noise_m
+    level_m = surface.height_m[rows, columns]
+    return Brims(rows, columns, drop_rows, level_m, limit_m, surface.height_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +126,8 @@ class _Surface:
     camera_m: float
     rows_per_metre: Image
     columns_per_metre: Image
-    next_below: NDArray[np.intp]
-    next_above: NDArray[np.intp]
+    next_below: Rows
+    next_above: Rows
 
     @classmethod
     def measured(cls, stereo: Stereo, parameters: TerrainParameters) -> _Surface:
@@ -165,32 +212,3 @@ def _wide_enough(found: Mask, surface: _Surface, parameters: TerrainParameters) 
     kept = width_m >= parameters.brims.min_width_m
     kept[0] = False
     return np.asarray(found & kept[labels])
-
-
-def _before_brim(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
-    """The last few pixels of the ground before each brim."""
-    p = parameters.brims
-    top = found.copy()
-    top[1:] &= ~found[:-1]
-    rows, columns = np.nonzero(top)
-    # The uppermost row found has its lower point on the brim.
-    last = surface.next_below[np.minimum(rows + p.reach_px, len(found) - 1), columns]
-    edge = np.zeros_like(found)
-    for step in range(-p.blur_px, p.edge_px + 1):
-        edge[np.clip(last + step, 0, len(found) - 1), columns] = True
-    return edge
-
-
-def _lower_behind(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
-    """Pixels above a brim in the image that lie deeper below it than a step."""
-    p = parameters.brims
-    last = len(found) - 1
-    upwards = np.arange(len(found))[:, np.newaxis]
-    # Row of the nearest brim below each pixel, counted from the bottom.
-    nearest = np.maximum.accumulate(np.where(found[::-1], upwards, -1), axis=0)[::-1]
-    brim = np.clip(last - nearest + p.reach_px, 0, last)
-    brim = np.take_along_axis(surface.next_below, brim, axis=0)
-    brim_m = np.take_along_axis(surface.height_m, brim, axis=0)
-    limit_m = brim_m - parameters.max_step_m - p.noises * surface.noise_m
-    with np.errstate(invalid='ignore'):
-        return np.asarray((nearest >= 0) & (surface.height_m < limit_m))

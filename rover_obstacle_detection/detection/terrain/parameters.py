@@ -148,8 +148,8 @@ class BrimParameters:
 
     reach_px: int = 4
     max_unseen_px: int = 12
-    blur_px: int = 2
-    edge_px: int = 4
+    blur_px: int = 1
+    edge_px: int = 2
     noises: float = 3.0
     min_hidden_share: float = 0.6
     min_sight_deg: float = 8.0
