@@ -26,12 +26,16 @@ class GroundPlane:
         Unit vector against gravity. The normal itself where gravity is not known.
     measured : bool
         False where no plane was found and the known or default mounting was assumed.
+    residual : float
+        Mean squared deviation of the lowest points from the plane, in standard deviations and
+        truncated: the share of points that lie elsewhere follows from it.
     """
 
     normal: tuple[float, float, float]
     height_m: float
     up: tuple[float, float, float]
     measured: bool = True
+    residual: float = 0.0
 
     @property
     def pitch_deg(self) -> float:
@@ -60,11 +64,14 @@ class DisparityPlane:
         Change of disparity per column and row (a and b).
     level : float
         Disparity at the principal point (c), pixels.
+    residual : float
+        See `GroundPlane`.
     """
 
     slope_u: float
     slope_v: float
     level: float
+    residual: float = 0.0
 
     @classmethod
     def from_ground(cls, ground: GroundPlane, camera: StereoCamera) -> DisparityPlane:
@@ -97,4 +104,5 @@ class DisparityPlane:
             normal=(x, y, z),
             height_m=camera.fx * camera.baseline_m / length,
             up=gravity.up if gravity else (x, y, z),
+            residual=self.residual,
         )

@@ -127,14 +127,14 @@ def fit_ground_plane(
     best = np.argmin(costs + _surprise(candidates, camera, parameters, gravity))
     if costs[best] > parameters.max_cost:
         return None
-    plane = candidates[best]
+    plane, residual = candidates[best], float(costs[best])
     weights = _nearness(points, camera, parameters.refined_nearness_rows, parameters, gravity)
     for _ in range(parameters.refinements):
         plane = _reweighted(plane, points, weights, camera, parameters)
     if not _plausible(plane[np.newaxis], camera, parameters, gravity).all():
         # A wall: the best plausible plane only leans on it.
         return None
-    return DisparityPlane(*(float(value) for value in plane))
+    return DisparityPlane(*(float(value) for value in plane), residual=residual)
 
 
 def _sample(

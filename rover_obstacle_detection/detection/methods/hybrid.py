@@ -38,6 +38,7 @@ from rover_obstacle_detection.detection.stereo.matching import (
 )
 from rover_obstacle_detection.detection.stereo.pair_check import check_pair
 from rover_obstacle_detection.detection.stereo.support import measure_support
+from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border
@@ -117,6 +118,9 @@ def detect_hybrid(
         Cue.ROUGHNESS_STEP: rough,
         Cue.GREY_LEVEL: rocks.by_sight,
     }
+    if not stereo.ground.measured:
+        # Nothing in view can be ground, so all that is seen stands in the way.
+        found[Cue.SLOPE] = terrain.measured
     detection = decided(found, ~brims.beyond(), stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
     detection = in_left_image(detection, frame)
@@ -148,9 +152,7 @@ def measure(
     straight = coarse.correction.straightened(frame)
     coarse = without_rover(coarse, straight.rover_mask)
     finished('coarse disparity')
-    ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, frame.gravity)
-    if not (ground.measured or frame.gravity):
-        check_upright(coarse, p)
+    ground = find_ground(straight, coarse, p)
     finished('ground plane')
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
     stereo, warnings = supported(stereo, p)
@@ -176,6 +178,25 @@ def match_coarsely(
     reduced = reduced_pair(frame.pair, frame.camera, parameters.stereo)
     matcher = CoarseMatcher(frame.camera, reduced.camera, parameters.stereo)
     return stages.rectify(reduced, matcher, parameters.rectification)
+
+
+def find_ground(frame: Frame, coarse: Rectified, parameters: DetectorParameters) -> GroundPlane:
+    """Find the ground plane in the matches and, where they leave doubt, in the images.
+
+    Raises
+    ------
+    UnjudgeablePairError
+        If the ground is at the top of the images.
+    """
+    p, gravity = parameters, frame.gravity
+    ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, gravity)
+    if is_doubtful(ground, p.stereo.sweep):
+        reduced = reduced_pair(frame.pair, frame.camera, p.stereo)
+        known_m = (gravity.height_m if gravity else None) or p.plane_fit.known_height_m
+        ground = likelier_ground(reduced, ground, gravity, known_m, p.stereo.sweep)
+    if not (ground.measured or gravity):
+        check_upright(coarse, p)
+    return ground
 
 
 def check_upright(coarse: Rectified, parameters: DetectorParameters) -> None:
@@ -293,7 +314,8 @@ def decided(
     rover_mask = stereo.frame.rover_mask
     cues, mask = combined_cues(found, rover_mask, parameters.result.min_obstacle_px)
     # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
-    known = (known_heights(terrain, parameters.terrain) & reachable) | (mask == OBSTACLE)
+    known = known_heights(terrain, parameters.terrain) & reachable & stereo.ground.measured
+    known |= mask == OBSTACLE
     if rover_mask is not None:
         known &= ~rover_mask
     return Detection(

@@ -70,6 +70,62 @@ class SupportParameters:
 
 
 @dataclass(frozen=True)
+class SweepParameters:
+    """Which planes are tried where matching finds no ground, or an unlikely one.
+
+    Parameters
+    ----------
+    max_residual : float
+        Residual of a plane beyond which it is doubtful. Derived: a quarter of the lowest points
+        lies elsewhere.
+    max_surprise : float
+        The same for its height, standard deviations.
+    pitches_deg : tuple of float
+        Pitches of the camera that are tried, where the vertical is not known.
+    pitch_step_deg : float
+        Difference of two neighbours.
+    max_pitch_deg : float
+        If the best pitch is greater, the view is filled by a wall.
+    min_height_m, max_height_m : float
+        Least and greatest height of the camera. Derived: those of rovers' cameras.
+    heights : int
+        Heights in between. Derived: two neighbours differ by about a pixel in the reduced pair.
+    usual_height_m, height_spread : float
+        Expected height and standard deviation of its logarithm, as in the plane fit.
+    known_height_spread : float
+        The latter where the user gave the height.
+    surprise_weight : float
+        Correlation that one squared standard deviation costs. Tuned on ray-cast slabs.
+    min_agreement : float
+        Mean correlation from which a plane can be the ground. Tuned on ray-cast slabs and walls.
+    min_gain : float
+        Correlation, height included, by which the best plane must exceed the one that matching
+        found.
+    lower_share : float
+        Lower share of the image that is compared. Derived: ground is lowest.
+    window_px : int
+        Side of the window of the correlation, pixels of the reduced pair.
+    """
+
+    max_residual: float = 2.5
+    max_surprise: float = 1.4
+    pitches_deg: tuple[float, ...] = tuple(range(0, 80, 4))
+    pitch_step_deg: float = 4.0
+    max_pitch_deg: float = 58.0
+    min_height_m: float = 0.25
+    max_height_m: float = 3.0
+    heights: int = 36
+    usual_height_m: float = 1.0
+    height_spread: float = 0.7
+    known_height_spread: float = 0.06
+    surprise_weight: float = 0.02
+    min_agreement: float = 0.5
+    min_gain: float = 0.05
+    lower_share: float = 0.6
+    window_px: int = 9
+
+
+@dataclass(frozen=True)
 class StereoParameters:
     """What matching searches, and how its noise is modelled.
 
@@ -138,6 +194,7 @@ class StereoParameters:
     distant_texture_noise : float
         Relative growth of the noise there. All three measured on rendered ground.
     support : SupportParameters
+    sweep : SweepParameters
     """
 
     min_range_m: float = 0.3
@@ -176,3 +233,4 @@ class StereoParameters:
     distant_texture_signal: float = 1.5
     distant_texture_noise: float = 1.5
     support: SupportParameters = field(default_factory=SupportParameters)
+    sweep: SweepParameters = field(default_factory=SweepParameters)
