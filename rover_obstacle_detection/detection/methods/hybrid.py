@@ -273,6 +273,7 @@ def supported(stereo: Stereo, parameters: DetectorParameters) -> tuple[Stereo, t
     support = measure_support(
         frame.pair,
         stereo.disparity,
+        stereo.expected,
         frame.camera,
         stereo.rows,
         visible,

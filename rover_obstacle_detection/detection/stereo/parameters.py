@@ -28,6 +28,11 @@ class SupportParameters:
         Clear texture that correlates less is a false match.
     agreeing_correlation : float
         Correlation from which texture counts as alike.
+    min_repetition_px : float
+        Distance from the ground plane from which a match is compared with one on the plane.
+        Derived: texture repeats within more pixels than matching needs.
+    repetition_tolerance : float
+        Correlation by which the match on the plane may be worse and still as good.
     min_textured_share, min_matched_share : float
         Least share of the visible pixels with clear texture; with less, least share of supported
         matches.
@@ -56,6 +61,8 @@ class SupportParameters:
     clear_signal: float = 2.0
     min_correlation: float = 0.3
     agreeing_correlation: float = 0.6
+    min_repetition_px: float = 3.0
+    repetition_tolerance: float = 0.05
     min_textured_share: float = 0.02
     min_matched_share: float = 0.05
     min_texture_ratio: float = 0.05

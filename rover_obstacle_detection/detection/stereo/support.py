@@ -46,6 +46,7 @@ class Support:
 def measure_support(
     pair: GreyPair,
     disparity: Image,
+    expected: Image,
     camera: StereoCamera,
     rows: RowAlignment,
     visible: Mask,
@@ -59,6 +60,8 @@ def measure_support(
     pair : tuple of two ndarray of uint8, shape (height, width)
     disparity : ndarray of float32, shape (height, width)
         Pixels, without the camera's offset; 0 where there is no match.
+    expected : ndarray of float32, shape (height, width)
+        Disparity of the ground plane, pixels.
     camera : StereoCamera
     rows : RowAlignment
     visible : ndarray of bool, shape (height, width)
@@ -82,7 +85,9 @@ def measure_support(
     least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
     has_signal = (near.least_variance > least) | (wide.least_variance > least)
     clear = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.clear_signal**2))
+    ambiguous = _matches_ground(left, right, near, disparity, expected, camera, rows, p)
     contradicted = (near.least_variance > clear) & (near.correlation < p.min_correlation)
+    contradicted |= ambiguous
     textured = visible & (_variance(left, p.window_px) > _clear(noise[0], p))
     right_textured = _variance(right, p.window_px) > _clear(noise[1], p)
     agreeing = matched & textured & (near.correlation > p.agreeing_correlation)
@@ -121,6 +126,28 @@ def _statistics(left: Image, warped: Image, matched: Mask, window_px: int) -> _S
         np.minimum(left_variance, right_variance),
         np.asarray(covariance / np.sqrt(product + np.float32(1e-3)), np.float32),
     )
+
+
+def _matches_ground(
+    left: Image,
+    right: Image,
+    near: _Statistics,
+    disparity: Image,
+    expected: Image,
+    camera: StereoCamera,
+    rows: RowAlignment,
+    parameters: SupportParameters,
+) -> Mask:
+    """Pixels away from the ground plane that look just the same on it: texture that repeats."""
+    p = parameters
+    away = (disparity > 0) & (expected > 0)
+    away &= np.abs(disparity - expected) > p.min_repetition_px
+    if not away.any():
+        return np.asarray(away)
+    warped = _warped(right, np.maximum(expected, 0), camera, rows)
+    on_ground = _statistics(left, warped, expected > 0, p.window_px).correlation
+    alike = on_ground > np.maximum(near.correlation - p.repetition_tolerance, p.agreeing_correlation)
+    return np.asarray(away & alike)
 
 
 def _clear(noise: float, parameters: SupportParameters) -> np.float32:
