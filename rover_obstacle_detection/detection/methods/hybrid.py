@@ -116,7 +116,6 @@ def detect_hybrid(
         Cue.SLOPE: steep,
         Cue.DROP: dropped,
         Cue.ROUGHNESS_STEP: rough,
-        Cue.GREY_LEVEL: rocks.by_sight,
     }
     if not stereo.ground.measured:
         # Nothing in view can be ground, so all that is seen stands in the way.

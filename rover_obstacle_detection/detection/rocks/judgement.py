@@ -18,12 +18,8 @@ Image = NDArray[np.float32]
 
 
 def too_high(
-    drawn: Mask,
-    probability: Image,
-    terrain: Terrain,
-    unmeasured: Mask,
-    parameters: RockParameters,
-) -> tuple[Mask, Mask]:
+    drawn: Mask, probability: Image, terrain: Terrain, parameters: RockParameters
+) -> Mask:
     """Keep the connected parts of a drawing that the rover cannot step over.
 
     Parameters
@@ -32,17 +28,12 @@ def too_high(
     probability : ndarray of float32, shape (height, width)
         Probability that each pixel is on an obstacle.
     terrain : Terrain
-        With the scale of the ground plane where there is no 3D.
-    unmeasured : ndarray of bool, shape (height, width)
-        Pixels without 3D at which the ground plane lies within range.
     parameters : RockParameters
 
     Returns
     -------
-    high : ndarray of bool, shape (height, width)
+    ndarray of bool, shape (height, width)
         Parts that are too high by stereo or, far away, too large in the image.
-    by_sight : ndarray of bool, shape (height, width)
-        Parts without 3D that look like a rock as large as the step.
 
     Notes
     -----
@@ -50,21 +41,22 @@ def too_high(
     its measured pixels has to be raised, since a core may touch a false outline. Matching flattens
     rocks that are not much larger than its blocks, so that distant rocks may be lower.
 
-    Where the step is only a few pixels high, and where there is no 3D, apparent size replaces
-    height. A part is kept if its mean probability is high, it appears as tall as the step, and a
-    sufficient height is within a few standard deviations of what stereo measured.
+    Where the step is only a few pixels high, apparent size replaces height. A part is kept if its
+    mean probability is high, it appears as tall as the step, and a sufficient height is within a
+    few standard deviations of what stereo measured.
+
+    Looks alone make no obstacle: a part that is mostly not measured is unknown.
     """
     smooth_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
     drawn = drawn | high_holes(drawn, smooth_m, parameters.hole_share * parameters.max_step_m)
     step_px = terrain.pixels_per_metre * np.float32(parameters.max_step_m)
-    parts = _measured_parts(drawn, probability, terrain, unmeasured, step_px)
+    parts = _measured_parts(drawn, probability, terrain, step_px)
     high = _has_core(parts, smooth_m, terrain, step_px, parameters)
-    looks_high = _looks_high(parts, smooth_m, terrain, parameters)
     small = parts.step_px < parameters.small_step_px
-    high |= looks_high & small & (parts.measured >= parts.pixels / 2)
-    by_sight = looks_high & ~high & (parts.unmeasured > parts.pixels / 2)
-    high[0] = by_sight[0] = False
-    return high[parts.labels], by_sight[parts.labels]
+    high |= _looks_high(parts, smooth_m, terrain, parameters) & small
+    high &= parts.measured >= parameters.min_measured_share * parts.pixels
+    high[0] = False
+    return np.asarray(high[parts.labels])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +68,6 @@ class _Parts:
     pixels: NDArray[np.int32]
     height_px: NDArray[np.int32]
     measured: NDArray[np.int64]
-    unmeasured: NDArray[np.int64]
     step_px: NDArray[np.float64]
     probability: NDArray[np.float64]
 
@@ -86,7 +77,7 @@ class _Parts:
 
 
 def _measured_parts(
-    drawn: Mask, probability: Image, terrain: Terrain, unmeasured: Mask, step_px: Image
+    drawn: Mask, probability: Image, terrain: Terrain, step_px: Image
 ) -> _Parts:
     count, numbers, boxes, _ = cv2.connectedComponentsWithStats(
         drawn.astype(np.uint8), connectivity=8
@@ -98,8 +89,7 @@ def _measured_parts(
         pixels=np.asarray(boxes[:, cv2.CC_STAT_AREA], np.int32),
         height_px=np.asarray(boxes[:, cv2.CC_STAT_HEIGHT], np.int32),
         measured=_count(labels, drawn & terrain.measured, count),
-        unmeasured=_count(labels, drawn & unmeasured, count),
-        step_px=_mean(labels, drawn, step_px, count),
+        step_px=_mean(labels, drawn & terrain.measured, step_px, count),
         probability=_mean(labels, drawn, probability, count),
     )
 

@@ -31,9 +31,12 @@ class RockParameters:
     top_share : float
         Share of a part's pixels that its height is averaged over.
     unmeasured_px : int
-        Side of the smallest area without 3D that the network is asked about.
+        Side of the smallest area without 3D beside what stands up that the network is asked about.
     hole_share : float
         Share of the step above which a hole in an outline is filled.
+    min_measured_share : float
+        Least share of an outlined rock's pixels with 3D. Derived: a rock's shadowed side may have
+        none.
     standing_share : float
         Share of an outlined rock's measured pixels that have to stand up.
     full_step_px : float
@@ -83,6 +86,7 @@ class RockParameters:
     top_share: float = 0.1
     unmeasured_px: int = 9
     hole_share: float = 0.5
+    min_measured_share: float = 0.12
     standing_share: float = 0.3
     full_step_px: float = 20.0
     min_seen_share: float = 0.7

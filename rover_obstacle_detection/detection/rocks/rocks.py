@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -32,14 +32,11 @@ class Rocks:
     ----------
     high : ndarray of bool, shape (height, width)
         Rocks that are too high, or far away too large in the image.
-    by_sight : ndarray of bool, shape (height, width)
-        Rocks without 3D, judged by their looks and their size in the image.
     probability : ndarray of float32, shape (height, width)
         Network output; NaN where the network was not asked, 1 where it was overruled.
     """
 
     high: NDArray[np.bool_]
-    by_sight: NDArray[np.bool_]
     probability: Image
 
 
@@ -80,44 +77,32 @@ def outlined_rocks(
         Outlines of a window.
     """
     shape = stereo.disparity.shape
-    found = Rocks(
-        np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.full(shape, np.nan, np.float32)
-    )
-    unmeasured = _unmeasured_ground(stereo, terrain, parameters)
-    kernel = np.ones((parameters.unmeasured_px, parameters.unmeasured_px), np.uint8)
-    wide = cv2.erode(unmeasured.astype(np.uint8), kernel) > 0
-    for window in windows_around((standing.parts > 0) | wide):
+    found = Rocks(np.zeros(shape, np.bool_), np.full(shape, np.nan, np.float32))
+    for window in windows_around(_with_dark_sides(stereo, terrain, standing, parameters)):
         parts = Standing(standing.parts[window], standing.top_m)
-        near = _scaled(stereo, terrain, unmeasured, window)
+        near = terrain.within(window)
         probability = draw(stereo, terrain, standing, window, parameters)
         drawn = probability > parameters.outline_probability
         overruled = overruled_parts(drawn, near, parts, parameters)
         drawn |= overruled
         seen = found.probability[window]
         np.fmax(seen, np.where(overruled, 1, probability), out=seen)
-        high, by_sight = too_high(drawn, probability, near, unmeasured[window], parameters)
-        found.high[window] |= high
-        found.by_sight[window] |= by_sight
+        found.high[window] |= too_high(drawn, probability, near, parameters)
     return found
 
 
-def _unmeasured_ground(
-    stereo: Stereo, terrain: Terrain, parameters: RockParameters
+def _with_dark_sides(
+    stereo: Stereo, terrain: Terrain, standing: Standing, parameters: RockParameters
 ) -> NDArray[np.bool_]:
-    """Pixels without 3D at which the ground plane lies within range."""
+    """What stands up, with the areas without 3D beside it: shadowed sides of rocks."""
     nearest = stereo.frame.camera.disparity_at(parameters.max_range_m)
     unmeasured = ~terrain.measured & (stereo.expected > nearest)
-    if stereo.frame.rover_mask is not None:
-        unmeasured &= ~stereo.frame.rover_mask
-    return np.asarray(unmeasured)
-
-
-def _scaled(
-    stereo: Stereo, terrain: Terrain, unmeasured: NDArray[np.bool_], window: Window
-) -> Terrain:
-    """Return the terrain of a window, with the scale of the ground plane where there is no 3D."""
-    near = terrain.within(window)
-    scale = near.pixels_per_metre.copy()
-    missing = unmeasured[window]
-    scale[missing] = stereo.expected[window][missing] / np.float32(stereo.frame.camera.baseline_m)
-    return replace(near, pixels_per_metre=scale)
+    kernel = np.ones((parameters.unmeasured_px, parameters.unmeasured_px), np.uint8)
+    stands = standing.parts > 0
+    areas = cv2.morphologyEx(unmeasured.astype(np.uint8), cv2.MORPH_OPEN, kernel)
+    # A rim of a pixel or two between both belongs to neither.
+    where = cv2.dilate(areas | stands.astype(np.uint8), np.ones((5, 5), np.uint8))
+    count, labels = cv2.connectedComponents(where, connectivity=8)
+    beside = np.bincount(labels[stands], minlength=count) > 0
+    beside[0] = False
+    return np.asarray(beside[labels])
