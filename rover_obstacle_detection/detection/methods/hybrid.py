@@ -41,7 +41,7 @@ from rover_obstacle_detection.detection.stereo.support import measure_support
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
 from rover_obstacle_detection.detection.study.products import StudyProducts
-from rover_obstacle_detection.detection.terrain.border import slope_in_border
+from rover_obstacle_detection.detection.terrain.border import slope_in_border, walls_in_border
 from rover_obstacle_detection.detection.terrain.brims import Brims
 from rover_obstacle_detection.detection.terrain.hazards import known_heights, rough_ground
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
@@ -109,10 +109,12 @@ def detect_hybrid(
     dropped |= brims.edge(p.terrain.brims)
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
     finished('roughness')
-    steep |= slope_in_border(steep, terrain, stereo.disparity, frame.camera, p.terrain)
+    border = (terrain, stereo.disparity, frame.camera, p.terrain)
+    steep |= slope_in_border(steep, *border)
+    high = rocks.high | walls_in_border(rocks.high | steep, *border)
     finished('border')
     found = {
-        Cue.HEIGHT: rocks.high,
+        Cue.HEIGHT: high,
         Cue.SLOPE: steep,
         Cue.DROP: dropped,
         Cue.ROUGHNESS_STEP: rough,

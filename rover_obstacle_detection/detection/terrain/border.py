@@ -1,4 +1,4 @@
-"""Slopes in the left border of the left image, which is not visible in the right image."""
+"""The left border of the left image, which is not visible in the right image."""
 
 from __future__ import annotations
 
@@ -39,14 +39,52 @@ def slope_in_border(
         Pixels without 3D whose nearest measured pixel is on a slope, within reach, and hardly
         inside the right image.
     """
-    found = np.zeros_like(steep)
-    if not steep.any():
-        return found
     large = steep & ~small_parts(steep, round(parameters.min_border_slope_share * steep.size))
     reach_px = parameters.border_reach_m * terrain.pixels_per_metre
+    return _continued(large, reach_px, terrain, disparity, camera, parameters)
+
+
+def walls_in_border(
+    high: NDArray[np.bool_],
+    terrain: Terrain,
+    disparity: NDArray[np.float32],
+    camera: StereoCamera,
+    parameters: TerrainParameters,
+) -> NDArray[np.bool_]:
+    """Continue what is higher than rocks are into the left border, as far as it is high.
+
+    Parameters
+    ----------
+    high : ndarray of bool, shape (height, width)
+        Pixels of obstacles, where they are measured.
+    terrain, disparity, camera, parameters
+        See `slope_in_border`.
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+    """
+    height_m = np.nan_to_num(terrain.height_m, nan=0.0)
+    walls = high & (height_m > parameters.min_wall_m)
+    reach_px = height_m * terrain.pixels_per_metre
+    return _continued(walls, reach_px, terrain, disparity, camera, parameters)
+
+
+def _continued(
+    hazard: NDArray[np.bool_],
+    reach_px: NDArray[np.float32],
+    terrain: Terrain,
+    disparity: NDArray[np.float32],
+    camera: StereoCamera,
+    parameters: TerrainParameters,
+) -> NDArray[np.bool_]:
+    """Pixels without 3D, outside the right image, whose nearest measured pixel is a hazard."""
+    found = np.zeros_like(hazard)
+    if not hazard.any():
+        return found
     pixels, sources = nearest_measured(terrain.measured, reach_px)
     right_column = pixels % camera.width - disparity.ravel()[sources] - camera.disparity_offset
-    continued = large.ravel()[sources] & (right_column < parameters.border_px)
+    continued = hazard.ravel()[sources] & (right_column < parameters.border_px)
     found.ravel()[pixels] = continued
     return found
 

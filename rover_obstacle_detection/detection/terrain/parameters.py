@@ -239,6 +239,9 @@ class TerrainParameters:
         The same for slope and drop, which average over many pixels.
     border_reach_m : float
         Distance to which a slope continues into the left border.
+    min_wall_m : float
+        Height from which an obstacle continues into the left border as far as it is high. Derived:
+        higher than the rocks that the network outlines.
     border_px : float
         Matches are unreliable within this distance of the right image's left border.
     min_border_slope_share : float
@@ -290,6 +293,7 @@ class TerrainParameters:
     max_noise_share: float = 0.5
     max_ground_noise_share: float = 1.5
     border_reach_m: float = 0.35
+    min_wall_m: float = 0.5
     border_px: float = 5
     min_border_slope_share: float = 0.0025
     vertical: VerticalParameters = field(default_factory=VerticalParameters)
