@@ -43,7 +43,11 @@ from rover_obstacle_detection.detection.stereo.warped_matching import residual_r
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border, walls_in_border
 from rover_obstacle_detection.detection.terrain.brims import Brims
-from rover_obstacle_detection.detection.terrain.hazards import known_heights, rough_ground
+from rover_obstacle_detection.detection.terrain.hazards import (
+    level_heights_known,
+    rough_ground,
+    tall,
+)
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 from rover_obstacle_detection.errors import UnjudgeablePairError
 
@@ -111,7 +115,8 @@ def detect_hybrid(
     finished('roughness')
     border = (terrain, stereo.disparity, frame.camera, p.terrain)
     steep |= slope_in_border(steep, *border)
-    high = rocks.high | walls_in_border(rocks.high | steep, *border)
+    high = rocks.high | tall(terrain, p.terrain)
+    high |= walls_in_border(high | steep, *border)
     finished('border')
     found = {
         Cue.HEIGHT: high,
@@ -316,7 +321,8 @@ def decided(
     rover_mask = stereo.frame.rover_mask
     cues, mask = combined_cues(found, rover_mask, parameters.result.min_obstacle_px)
     # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
-    known = known_heights(terrain, parameters.terrain) & reachable & stereo.ground.measured
+    known = level_heights_known(terrain, parameters.terrain)
+    known &= reachable & stereo.ground.measured
     known |= mask == OBSTACLE
     if rover_mask is not None:
         known &= ~rover_mask

@@ -103,6 +103,30 @@ def known_heights(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     return np.asarray(terrain.measured & quiet)
 
 
+def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
+    """Find what is far higher than the ground can be estimated wrongly: walls, trees, vehicles.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    parameters : TerrainParameters
+    """
+    noise_m = parameters.certain_noises * terrain.noise_m
+    with np.errstate(invalid='ignore'):
+        return np.asarray(terrain.height_m > parameters.min_wall_m + noise_m)
+
+
+def level_heights_known(terrain: Terrain, parameters: TerrainParameters) -> Mask:
+    """Find the pixels that are known to lie within a step of the local ground.
+
+    What is measured higher or lower is never free, also where no cue makes it an obstacle.
+    """
+    noise_m = parameters.certain_noises * terrain.noise_m
+    with np.errstate(invalid='ignore'):
+        within = np.abs(terrain.height_m) < parameters.max_step_m + noise_m
+    return np.asarray(within & known_heights(terrain, parameters))
+
+
 def _quiet(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     limit_m = parameters.max_ground_noise_share * parameters.max_step_m
     return np.asarray(terrain.noise_m < limit_m)

@@ -240,8 +240,11 @@ class TerrainParameters:
     border_reach_m : float
         Distance to which a slope continues into the left border.
     min_wall_m : float
-        Height from which an obstacle continues into the left border as far as it is high. Derived:
-        higher than the rocks that the network outlines.
+        Height from which something is an obstacle whatever the network says, and continues into
+        the left border as far as it is high. Derived: higher than most rocks, and than errors of
+        the local ground.
+    certain_noises : float
+        Standard deviations by which a height exceeds that, or the step. Derived: the usual three.
     border_px : float
         Matches are unreliable within this distance of the right image's left border.
     min_border_slope_share : float
@@ -294,6 +297,7 @@ class TerrainParameters:
     max_ground_noise_share: float = 1.5
     border_reach_m: float = 0.35
     min_wall_m: float = 0.5
+    certain_noises: float = 3.0
     border_px: float = 5
     min_border_slope_share: float = 0.0025
     vertical: VerticalParameters = field(default_factory=VerticalParameters)
