@@ -70,6 +70,8 @@ class Measurement(NamedTuple):
         Likewise.
     brims : Brims
         Likewise.
+    plain : ndarray of bool, shape (height, width)
+        Areas without texture: see `Support`.
     warnings : tuple of str
     """
 
@@ -78,6 +80,7 @@ class Measurement(NamedTuple):
     stereo: Stereo
     terrain: Terrain
     brims: Brims
+    plain: Mask
     warnings: tuple[str, ...] = ()
 
 
@@ -98,7 +101,7 @@ def detect_hybrid(
     stages : HybridStages
     """
     p = parameters
-    frame, correction, stereo, terrain, brims, warnings = measure(frame, p, finished, stages)
+    frame, correction, stereo, terrain, brims, plain, warnings = measure(frame, p, finished, stages)
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
@@ -127,7 +130,7 @@ def detect_hybrid(
     if not stereo.ground.measured:
         # Nothing in view can be ground, so all that is seen stands in the way.
         found[Cue.SLOPE] = terrain.measured
-    detection = decided(found, ~brims.beyond(), stereo, terrain, rocks, p)
+    detection = decided(found, ~(brims.beyond() | plain), stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
     detection = in_left_image(detection, frame)
     finished('mask')
@@ -161,7 +164,7 @@ def measure(
     ground = find_ground(straight, coarse, p)
     finished('ground plane')
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
-    stereo, warnings = supported(stereo, p)
+    stereo, plain, warnings = supported(stereo, p)
     finished('support')
     stereo = stages.reflections(stereo, p.terrain)
     brims = stages.brims(stereo, p.terrain)
@@ -174,7 +177,7 @@ def measure(
         up = stages.vertical(before, ground, p.terrain)
         stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
-    return Measurement(frame, coarse.correction, stereo, terrain, brims, warnings)
+    return Measurement(frame, coarse.correction, stereo, terrain, brims, plain, warnings)
 
 
 def match_coarsely(
@@ -260,7 +263,9 @@ def match(
     )
 
 
-def supported(stereo: Stereo, parameters: DetectorParameters) -> tuple[Stereo, tuple[str, ...]]:
+def supported(
+    stereo: Stereo, parameters: DetectorParameters
+) -> tuple[Stereo, Mask, tuple[str, ...]]:
     """Remove the matches that the images do not support; warn of images that hardly agree.
 
     Raises
@@ -289,7 +294,7 @@ def supported(stereo: Stereo, parameters: DetectorParameters) -> tuple[Stereo, t
     matched_share = np.count_nonzero(support.supported & visible) / max(1, visible.sum())
     warnings = check_pair(frame.pair, support, matched_share, p)
     disparity = np.where(support.supported, stereo.disparity, np.float32(0))
-    return replace(stereo, disparity=disparity), warnings
+    return replace(stereo, disparity=disparity), support.plain, warnings
 
 
 def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProducts:
@@ -311,7 +316,7 @@ def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProdu
 
 def decided(
     found: dict[Cue, Mask],
-    reachable: Mask,
+    may_be_free: Mask,
     stereo: Stereo,
     terrain: Terrain,
     rocks: Rocks,
@@ -322,7 +327,7 @@ def decided(
     cues, mask = combined_cues(found, rover_mask, parameters.result.min_obstacle_px)
     # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
     known = level_heights_known(terrain, parameters.terrain)
-    known &= reachable & stereo.ground.measured
+    known &= may_be_free & stereo.ground.measured
     known |= mask == OBSTACLE
     if rover_mask is not None:
         known &= ~rover_mask

@@ -55,11 +55,19 @@ def check_pair(
             msg = f'the {side} image shows hardly any texture, the other does: {_exposure(image)}'
             raise UnjudgeablePairError(msg)
     agreeing = support.agreeing_share
-    if agreeing < p.min_agreeing_share:
-        raise UnjudgeablePairError(f'{_disagreement(pair, p)}: {_percent(agreeing)} match')
-    if agreeing < p.doubtful_agreeing_share:
-        return (f'{_disagreement(pair, p)}: only {_percent(agreeing)} match',)
-    return ()
+    if agreeing >= p.doubtful_agreeing_share:
+        return ()
+    fault = _fault(pair, p)
+    if fault or agreeing < p.min_agreeing_share:
+        msg = f'{fault or _UNRELATED}: {_percent(agreeing)} match'
+        raise UnjudgeablePairError(msg)
+    return (f'{_UNRELATED}: only {_percent(agreeing)} match',)
+
+
+_UNRELATED = (
+    'the right image does not belong to the left one, check that both come from the same camera '
+    'and moment and are not exchanged'
+)
 
 
 def _percent(share: float) -> str:
@@ -76,19 +84,16 @@ def _exposure(image: Grey) -> str:
     return 'check for a covered or fogged lens'
 
 
-def _disagreement(pair: GreyPair, parameters: SupportParameters) -> str:
-    """Name the most likely reason why two images do not match."""
+def _fault(pair: GreyPair, parameters: SupportParameters) -> str:
+    """Name what keeps two images from matching, if it can be seen in them."""
     for side, ratio in zip(('left', 'right'), _sharpness_ratios(pair), strict=True):
         if ratio < parameters.min_sharpness_ratio:
             return f'the {side} image is out of focus or smeared'
     rows = _row_offset(pair, parameters)
     if rows:
         where = 'lower' if rows > 0 else 'higher'
-        return f'the right image is {abs(rows)} rows {where} than the left one: rectify them'
-    return (
-        'the right image does not belong to the left one: check that both come from the same '
-        'camera and moment, and are not exchanged'
-    )
+        return f'the right image is {abs(rows)} rows {where} than the left one, rectify them'
+    return ''
 
 
 def _sharpness_ratios(pair: GreyPair) -> tuple[float, float]:

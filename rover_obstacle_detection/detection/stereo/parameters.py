@@ -17,6 +17,8 @@ class SupportParameters:
     window_px, wide_window_px : int
         Sides of the windows in which the images are compared. Derived: the narrowest window of the
         refinement, and the reach of semi-global matching into plain surfaces.
+    plain_window_px : int
+        Side of a window without texture that makes an area plain.
     min_noise : float
         Least noise of an image, grey levels. Derived: rounding.
     min_signal : float
@@ -56,6 +58,7 @@ class SupportParameters:
 
     window_px: int = 9
     wide_window_px: int = 25
+    plain_window_px: int = 15
     min_noise: float = 0.3
     min_signal: float = 1.0
     clear_signal: float = 2.0
@@ -67,7 +70,7 @@ class SupportParameters:
     min_matched_share: float = 0.05
     min_texture_ratio: float = 0.05
     min_agreeing_share: float = 0.45
-    doubtful_agreeing_share: float = 0.58
+    doubtful_agreeing_share: float = 0.6
     max_same_share: float = 0.9
     min_sharpness_ratio: float = 0.7
     max_row_offset_px: int = 40

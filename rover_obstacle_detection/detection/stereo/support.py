@@ -25,6 +25,9 @@ class Support:
     ----------
     supported : ndarray of bool, shape (height, width)
         Matched pixels that show texture, near or within some pixels, and the same in both images.
+    plain : ndarray of bool, shape (height, width)
+        Areas without texture. Matching fills them from their surroundings: what lies in them, such
+        as water or a hole in black shadow, would not show.
     textured_share : float
         Share of the visible pixels whose surroundings show more than noise in the left image.
     right_textured_share : float
@@ -37,6 +40,7 @@ class Support:
     """
 
     supported: Mask
+    plain: Mask
     textured_share: float
     right_textured_share: float
     agreeing_share: float
@@ -83,7 +87,8 @@ def measure_support(
     near = _statistics(left, warped, matched, p.window_px)
     wide = _statistics(left, warped, matched, p.wide_window_px)
     least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
-    has_signal = (near.least_variance > least) | (wide.least_variance > least)
+    shows = near.least_variance > least
+    has_signal = shows | (wide.least_variance > least)
     clear = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.clear_signal**2))
     ambiguous = _matches_ground(left, right, near, disparity, expected, camera, rows, p)
     contradicted = (near.least_variance > clear) & (near.correlation < p.min_correlation)
@@ -96,6 +101,7 @@ def measure_support(
     enough = textured_share > p.min_textured_share
     return Support(
         supported=matched & has_signal & ~contradicted,
+        plain=_plain_areas(left, ~shows & matched, least, p),
         textured_share=textured_share,
         right_textured_share=float(right_textured.mean()),
         agreeing_share=np.count_nonzero(agreeing) / textured.sum() if enough else 1.0,
@@ -148,6 +154,19 @@ def _matches_ground(
     on_ground = _statistics(left, warped, expected > 0, p.window_px).correlation
     alike = on_ground > np.maximum(near.correlation - p.repetition_tolerance, p.agreeing_correlation)
     return np.asarray(away & alike)
+
+
+def _plain_areas(left: Image, bare: Mask, least: np.float32, parameters: SupportParameters) -> Mask:
+    """Areas of bare pixels with at least one that shows no texture in a wider window either."""
+    core = bare & (_variance(left, parameters.plain_window_px) <= least)
+    if not core.any():
+        return np.asarray(core)
+    count, labels = cv2.connectedComponents(bare.astype(np.uint8), connectivity=8)
+    plain = np.bincount(labels[core], minlength=count) > 0
+    plain[0] = False
+    # A window at the rim of the area sees what surrounds it.
+    kernel = np.ones((parameters.window_px,) * 2, np.uint8)
+    return np.asarray(cv2.dilate(plain[labels].astype(np.uint8), kernel) > 0)
 
 
 def _clear(noise: float, parameters: SupportParameters) -> np.float32:
