@@ -276,8 +276,11 @@ def _reweighted(
 ) -> NDArray[np.float64]:
     """Take one step of least squares, weighted by the residuals of the given plane."""
     heights = _scaled_heights(plane[np.newaxis], points, camera, parameters)[0]
-    # A disparity residual over d is a height, hence the division. Below one pixel it is limited.
-    weight = weights / ((1.0 + heights**2) * np.maximum(points[:, 2], 1.0)) ** 2
+    # Relief is noise in height, and matching noise in disparity.
+    height_m = _in_space(plane[np.newaxis], camera)[1]
+    relief_px = parameters.tolerance_m / height_m * points[:, 2]
+    variance = relief_px**2 + parameters.disparity_noise_px**2
+    weight = weights / ((1.0 + heights**2) ** 2 * variance)
     design = np.column_stack((points[:, :2], np.ones(len(points))))
     normal_matrix = design.T @ (design * weight[:, np.newaxis])
     return np.linalg.solve(normal_matrix, design.T @ (weight * points[:, 2]))

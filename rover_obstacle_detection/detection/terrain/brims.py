@@ -29,6 +29,8 @@ class Brims:
         The last pixel of the ground before each brim.
     drop_rows : ndarray of int, shape (n,)
         Row of each brim: above it in its column lies what is behind.
+    sure : ndarray of bool, shape (n,)
+        Brims that are seen steeply enough to tell them from the crest of gentle ground.
     level_m, limit_m : ndarray of float32, shape (n,) and (height, width)
         Height of the ground at each brim, and how far below it a pixel is lower than the rover can
         step, noise included, metres.
@@ -39,6 +41,7 @@ class Brims:
     rows: Rows
     columns: Rows
     drop_rows: Rows
+    sure: Mask
     level_m: Image
     limit_m: Image
     height_m: Image
@@ -51,14 +54,16 @@ class Brims:
             rows=self.rows[kept],
             columns=self.columns[kept],
             drop_rows=self.drop_rows[kept],
+            sure=self.sure[kept],
             level_m=self.level_m[kept],
         )
 
     def edge(self, parameters: BrimParameters) -> Mask:
-        """Mark the last few pixels of the ground before each brim, shape (height, width)."""
+        """Mark the last few pixels of the ground before each sure brim, shape (height, width)."""
         edge = np.zeros(self.height_m.shape, np.bool_)
+        rows, columns = self.rows[self.sure], self.columns[self.sure]
         for step in range(-parameters.blur_px, parameters.edge_px + 1):
-            edge[np.clip(self.rows + step, 0, len(edge) - 1), self.columns] = True
+            edge[np.clip(rows + step, 0, len(edge) - 1), columns] = True
         return edge
 
     def beyond(self) -> Mask:
@@ -109,7 +114,9 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 1), columns]
     limit_m = np.float32(parameters.max_step_m) + np.float32(p.noises) * surface.noise_m
     level_m = surface.height_m[rows, columns]
-    return Brims(rows, columns, drop_rows, level_m, limit_m, surface.height_m)
+    sight = (np.float32(surface.camera_m) - level_m) / np.maximum(surface.along_m[rows, columns], 1e-3)
+    sure = sight > math.tan(math.radians(p.min_sure_sight_deg))
+    return Brims(rows, columns, drop_rows, sure, level_m, limit_m, surface.height_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,13 +209,16 @@ def _rise_before(
 
 
 def _wide_enough(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
-    """Keep the brims that are at least as wide as a wheel."""
+    """Keep the brims that are at least as wide as a wheel, and wider far away."""
+    p = parameters.brims
     joined = cv2.dilate(found.astype(np.uint8), np.ones((5, 5), np.uint8))
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
-    scale = np.where(found, surface.columns_per_metre, 0)
-    total = np.bincount(labels.ravel(), weights=scale.ravel(), minlength=count)
-    pixels = np.bincount(labels[found], minlength=count)
-    width_m = boxes[:, cv2.CC_STAT_WIDTH] * pixels / np.maximum(total, 1e-6)
-    kept = width_m >= parameters.brims.min_width_m
+    pixels = np.maximum(np.bincount(labels[found], minlength=count), 1)
+    scale, along_m = (
+        np.bincount(labels[found], weights=image[found], minlength=count) / pixels
+        for image in (surface.columns_per_metre, surface.along_m)
+    )
+    width_m = boxes[:, cv2.CC_STAT_WIDTH] / np.maximum(scale, 1e-6)
+    kept = width_m >= np.maximum(p.min_width_m, p.min_width_share * along_m)
     kept[0] = False
     return np.asarray(found & kept[labels])

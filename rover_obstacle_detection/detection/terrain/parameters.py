@@ -134,6 +134,9 @@ class BrimParameters:
         is hidden. Tuned on ray-cast edges and crests.
     min_sight_deg : float
         Flatter sight lines jump over gaps everywhere. Tuned on ray-cast edges and crests.
+    min_sure_sight_deg : float
+        Sight line from which a brim is an obstacle. Behind a flatter one, lower ground is unknown.
+        Tuned on ray-cast edges and on the dunes of the tuning scenes.
     before_m : float
         Length of the ground before a brim whose slope is measured. Derived: a wheel.
     max_rise_deg : float
@@ -144,6 +147,8 @@ class BrimParameters:
         ground that bends down gradually. Tuned on ray-cast edges and crests.
     min_width_m : float
         Narrower brims are noise, or holes that no wheel enters.
+    min_width_share : float
+        Brims that are narrower than this share of their distance can wait until they are nearer.
     """
 
     reach_px: int = 4
@@ -153,10 +158,12 @@ class BrimParameters:
     noises: float = 3.0
     min_hidden_share: float = 0.6
     min_sight_deg: float = 8.0
+    min_sure_sight_deg: float = 10.0
     before_m: float = 0.3
     max_rise_deg: float = 10.0
     max_grazing_share: float = 0.5
     min_width_m: float = 0.15
+    min_width_share: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -214,6 +221,11 @@ class TerrainParameters:
         Noise of the rise at which the next wider scale takes over.
     max_rise_noise_deg : float
         Rises with more noise are ignored.
+    tilt_noise_deg : float
+        Standard deviation of the estimated vertical. Measured on the tuning scenes.
+    slope_noises : float
+        Standard deviations, of the rise and the vertical together, by which a slope exceeds the
+        limit.
     lost_slope_deg : float
         Slope that smoothing removes where a slope begins and ends.
     steep_share : float
@@ -284,6 +296,8 @@ class TerrainParameters:
     rise_scales_m: tuple[float, ...] = (0.14, 0.2, 0.3, 0.5)
     tolerated_rise_noise_deg: float = 3.0
     max_rise_noise_deg: float = 20.0
+    tilt_noise_deg: float = 1.5
+    slope_noises: float = 0.0
     lost_slope_deg: float = 2.5
     steep_share: float = 0.4
     min_scale_cells: float = 0.6
