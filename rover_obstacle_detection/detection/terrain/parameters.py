@@ -221,11 +221,6 @@ class TerrainParameters:
         Noise of the rise at which the next wider scale takes over.
     max_rise_noise_deg : float
         Rises with more noise are ignored.
-    tilt_noise_deg : float
-        Standard deviation of the estimated vertical. Measured on the tuning scenes.
-    slope_noises : float
-        Standard deviations, of the rise and the vertical together, by which a slope exceeds the
-        limit.
     lost_slope_deg : float
         Slope that smoothing removes where a slope begins and ends.
     steep_share : float
@@ -296,8 +291,6 @@ class TerrainParameters:
     rise_scales_m: tuple[float, ...] = (0.14, 0.2, 0.3, 0.5)
     tolerated_rise_noise_deg: float = 3.0
     max_rise_noise_deg: float = 20.0
-    tilt_noise_deg: float = 1.5
-    slope_noises: float = 0.0
     lost_slope_deg: float = 2.5
     steep_share: float = 0.4
     min_scale_cells: float = 0.6

@@ -42,9 +42,7 @@ def steep_cells(
     length = np.sqrt(1 + rise.right * rise.right + rise.forward * rise.forward)
     known = rise.noise < math.tan(math.radians(parameters.max_rise_noise_deg))
     limit_deg = parameters.max_slope_deg
-    noise_deg = np.hypot(np.degrees(np.arctan(rise.noise)), np.float32(parameters.tilt_noise_deg))
-    sure_deg = np.minimum(limit_deg + np.float32(parameters.slope_noises) * noise_deg, 89)
-    steep = (upward < np.cos(np.radians(sure_deg)) * length) & known
+    steep = (upward < math.cos(math.radians(limit_deg)) * length) & known
     if not steep.any():
         return np.asarray(steep)
     nearly_deg = max(limit_deg - parameters.lost_slope_deg, 0)
