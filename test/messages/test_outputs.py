@@ -37,6 +37,7 @@ def detection(disparity=None, mask=None, known=None):
         mask = np.zeros(SHAPE, np.uint8)
         mask[10:14, 10:20] = 255
     rows = np.broadcast_to(np.arange(24, dtype=np.float32)[:, None], SHAPE)
+    heights = np.where(mask > 0, rows / 100, rows / 1000)
     return small_detection(
         CAMERA,
         parameters=DetectorParameters.from_config(DetectorConfig(min_range=0.5)),
@@ -47,7 +48,7 @@ def detection(disparity=None, mask=None, known=None):
         seeds=np.ones(SHAPE, bool),
         roughness=np.full(SHAPE, 0.01, np.float32),
         step=np.full(SHAPE, 0.02, np.float32),
-        height=np.where(disparity > 0, rows / 100, np.nan).astype(np.float32),
+        height=np.where(disparity > 0, heights, np.nan).astype(np.float32),
         height_noise=np.full(SHAPE, 0.02, np.float32),
         cues=(mask > 0).astype(np.uint8),
         known=disparity > 0 if known is None else known,
