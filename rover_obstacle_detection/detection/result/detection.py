@@ -28,6 +28,7 @@ from rover_obstacle_detection.detection.result.obstacles import (
     NumberedObstacles,
     Obstacle,
     describe_obstacles,
+    main_kinds,
     number_obstacles,
 )
 from rover_obstacle_detection.detection.result.rims import Rims, find_rims
@@ -167,6 +168,7 @@ class Detection:
             self.points,
             np.where(self.rims.behind, np.float32(np.nan), self.height),
             self._confidences,
+            main_kinds(self.evidence.cue_shares),
             self.parameters.result.tail_share,
         )
 

@@ -121,6 +121,13 @@ def test_obstacles_have_height_and_range():
     assert small.max_height_m == pytest.approx(0.2)
 
 
+def test_obstacles_have_the_kind_of_most_of_their_pixels():
+    cues = np.array([[4, 0, 2, 3], [0, 0, 1, 0]], np.uint8)
+    assert [each.kind for each in detection(cues=cues).obstacles] == ['rock', 'drop']
+    cues = np.array([[16, 0, 2, 2], [0, 0, 1, 0]], np.uint8)
+    assert [each.kind for each in detection(cues=cues).obstacles] == ['slope', 'unmeasured']
+
+
 def test_given_and_computed_arrays_are_read_only():
     found = detection()
     for array in (found.mask, found.cues, found.points, found.confidence, found.obstacle_points):
