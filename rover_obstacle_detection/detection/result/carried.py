@@ -60,7 +60,9 @@ class Carrier:
         self._is_ground = is_ground
         self._span_m = span_m
 
-    def place(self, missing: Mask, own: Mask, numbered: NumberedObstacles) -> tuple[Mask, Rows]:
+    def place(
+        self, missing: Mask, own: Mask, body: Mask, numbered: NumberedObstacles
+    ) -> tuple[Mask, Rows]:
         """Place the pixels of obstacles that have no 3D.
 
         Parameters
@@ -69,6 +71,8 @@ class Carrier:
             Pixels of obstacles to place.
         own : ndarray of bool, shape (height, width)
             Pixels of obstacles with 3D of their own.
+        body : ndarray of bool, shape (height, width)
+            Pixels to take the range from, where an obstacle has such pixels with 3D.
         numbered : NumberedObstacles
 
         Returns
@@ -92,6 +96,8 @@ class Carrier:
             same = numbered.image[window] == number
             wanted, source = missing[window] & same, own[window] & same
             if source.any():
+                likely = source & body[window]
+                source = likely if likely.any() else source
                 found = self._beside(*_cut(window, wanted, source))
             elif self._ground.measured:
                 found = self._upright(window, wanted)

@@ -31,7 +31,7 @@ from rover_obstacle_detection.detection.result.obstacles import (
     main_kinds,
     number_obstacles,
 )
-from rover_obstacle_detection.detection.result.rims import Rims, find_rims
+from rover_obstacle_detection.detection.result.rims import STANDING, Rims, find_rims
 from rover_obstacle_detection.detection.study.products import StudyProducts
 
 OBSTACLE = 255
@@ -200,7 +200,8 @@ class Detection:
         confidence.
 
         Pixels whose depth is that of the ground behind the obstacle (`rims`) have no point. Pixels
-        without 3D have the range of the nearest pixel of their obstacle. An obstacle without any
+        without 3D have the range of the nearest pixel of their obstacle that is high, as rocks
+        are, or else of any. An obstacle without any
         3D stands upright where its foot meets the ground; it has no points where no ground was
         measured, or where that place is outside `min_range` and `max_range`.
         """
@@ -250,7 +251,10 @@ class Detection:
             lambda: (self.mask == FREE) & self.known & self._measured,
             (self.config.min_range, self.config.max_range),
         )
-        return carrier.place(missing, own, self._numbered)
+        # What is low on a rock may be ground that shows behind it.
+        parameters = self.parameters.result
+        high = self.height >= parameters.rim_share * parameters.max_step_m
+        return carrier.place(missing, own, high | (self.cues & ~STANDING > 0), self._numbered)
 
     @property
     def _rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

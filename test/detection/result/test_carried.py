@@ -68,6 +68,20 @@ def test_pixels_without_3d_have_the_range_of_the_nearest_pixel_of_their_obstacle
     assert np.ptp(carried[:, 3]) > 0.02, 'higher pixels are higher'
 
 
+def test_pixels_do_not_carry_the_range_of_what_is_low_on_a_rock():
+    fields = scene()
+    low = np.s_[30:40, 25:30]
+    fields['disparity'][low], fields['height'][low] = CAMERA.disparity_at(1.55), 0.0
+    hole = np.s_[33:36, 23:25]
+    fields['disparity'][hole], fields['height'][hole] = 0, np.nan
+    carried = small_detection(CAMERA, **fields).obstacle_points[rows_of(hole)]
+    np.testing.assert_allclose(carried[:, 2], 1.5, atol=0.01)
+    # A slope is a slope at any height.
+    fields['cues'] = np.where(fields['mask'] > 0, np.uint8(Cue.SLOPE), np.uint8(0))
+    carried = small_detection(CAMERA, **fields).obstacle_points[rows_of(hole)]
+    assert carried[:, 2].max() == pytest.approx(1.55, abs=0.01), 'beside the low part'
+
+
 def test_pixels_carry_the_range_of_their_own_obstacle_only():
     fields = scene(depth_m=1.5)
     other = np.s_[30:40, 31:36]
