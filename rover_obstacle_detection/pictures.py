@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 
@@ -25,8 +26,21 @@ WHITE: Colour = (255, 255, 255)
 RED: Colour = (48, 16, 240)
 TEAL: Colour = (168, 178, 36)
 ORANGE: Colour = (32, 140, 245)
+MAGENTA: Colour = (210, 40, 200)
+YELLOW: Colour = (40, 215, 245)
+BLUE: Colour = (250, 120, 30)
+GREEN: Colour = (60, 190, 70)
 DARK_GREY: Colour = (72, 72, 72)
 LIGHT_GREY: Colour = (150, 150, 150)
+
+KIND_COLOURS: Mapping[Kind, Colour] = {
+    'rock': RED,
+    'slope': YELLOW,
+    'drop': MAGENTA,
+    'unmeasured': BLUE,
+    'rough': GREEN,
+}
+"""Colours of obstacles by their kind."""
 
 # Log scale of the roughness and step map: from stereo noise to far above any clearance.
 ROUGHNESS_STEP_RANGE_M = (0.001, 1.0)
@@ -108,8 +122,9 @@ def mask_picture(detection: Detection) -> Picture:
 def overlay_picture(detection: Detection, image: NDArray[Any] | None = None) -> Picture:
     """Draw the detection over the left image.
 
-    Obstacles are tinted red, outlined and labelled with height above the ground and distance.
-    Unknown pixels are hatched. The rest of the image is free.
+    Obstacles are outlined in the colour of their kind, and labelled with kind, height above the
+    ground where that makes them obstacles, and distance. Within them, each pixel has the colour of
+    its own kind. Unknown pixels are hatched. The rest of the image is free.
 
     Parameters
     ----------
@@ -121,8 +136,10 @@ def overlay_picture(detection: Detection, image: NDArray[Any] | None = None) -> 
     picture = _as_bgr(detection.grey if image is None or image.dtype != np.uint8 else image)
     obstacle = detection.mask == OBSTACLE
     picture = _hatched(picture, ~detection.known & ~obstacle)
-    picture = _tinted(picture, obstacle, RED, 0.4)
-    _outline(picture, detection.mask)
+    for kind, part in pixels_by_kind(detection).items():
+        picture = _tinted(picture, part, KIND_COLOURS[kind], 0.4)
+    for kind in {each.kind for each in detection.obstacles}:
+        _outline(picture, _of_kind(detection, kind), KIND_COLOURS[kind])
     _label(picture, detection)
     return picture
 
@@ -144,22 +161,51 @@ def shown_obstacles(detection: Detection) -> tuple[Obstacle, ...]:
     return tuple(replace(each, max_height_m=math.nan) for each in detection.obstacles)
 
 
-def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
-    """Return an obstacle's height and distance, such as ``21 cm @ 1.4 m``."""
-    if not math.isfinite(obstacle.range_m):
-        return 'no 3D'
-    distance = f'@ {obstacle.range_m:.1f} m'
-    if not is_tall(obstacle, max_step_m):
-        return distance
-    return f'{100 * obstacle.max_height_m:.0f} cm {distance}'
+def pixels_by_kind(detection: Detection) -> dict[Kind, NDArray[np.bool_]]:
+    """Return the obstacle pixels of each kind that a detection has.
 
-
-def is_tall(obstacle: Obstacle, max_step_m: float) -> bool:
-    """Whether an obstacle's height is worth showing.
-
-    Low obstacles were detected for their slope or depth, where a height would mislead.
+    A pixel with several cues has the kind of the first of `Cue`; one without, that of its obstacle.
     """
-    return obstacle.max_height_m >= max_step_m / 2
+    found: dict[Kind, NDArray[np.bool_]] = {}
+    left = detection.mask == OBSTACLE
+    for cue in Cue:
+        part = left & ((detection.cues & np.uint8(cue)) > 0)
+        if part.any():
+            found[KINDS[cue]] = part
+            left &= ~part
+    if left.any():
+        for kind in KIND_COLOURS:
+            part = left & _of_kind(detection, kind)
+            if part.any():
+                found[kind] = found[kind] | part if kind in found else part
+    return found
+
+
+def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
+    """Return an obstacle's kind, height and distance, such as ``rock 21 cm @ 1.4 m``.
+
+    The height is shown only where it makes an obstacle: see `height_counts`.
+    """
+    if not math.isfinite(obstacle.range_m):
+        return 'no 3D' if obstacle.kind == 'unmeasured' else f'{obstacle.kind}, no 3D'
+    height = ''
+    if height_counts(obstacle, max_step_m):
+        height = f'{100 * obstacle.max_height_m:.0f} cm '
+    return f'{obstacle.kind} {height}@ {obstacle.range_m:.1f} m'
+
+
+def height_counts(obstacle: Obstacle, max_step_m: float) -> bool:
+    """Whether an obstacle is one because of its measured height.
+
+    Slopes and drops are obstacles at any height, and distant rocks by their size in the image.
+    """
+    return obstacle.kind == 'rock' and obstacle.max_height_m >= max_step_m
+
+
+def _of_kind(detection: Detection, kind: Kind) -> NDArray[np.bool_]:
+    """Pixels of the obstacles of a kind."""
+    same = np.array([False, *(each.kind == kind for each in detection.obstacles)])
+    return np.asarray(same[detection.obstacle_numbers])
 
 
 def _as_bgr(image: NDArray[Any]) -> Picture:
@@ -182,11 +228,11 @@ def _tinted(
     return _picture(cv2.copyTo(blend, where.astype(np.uint8), picture))
 
 
-def _outline(picture: Picture, mask: NDArray[np.uint8]) -> None:
-    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+def _outline(picture: Picture, mask: NDArray[np.bool_], colour: Colour) -> None:
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     thickness = max(1, round(picture.shape[0] / 384))
     cv2.drawContours(picture, contours, -1, BLACK, thickness + 2, cv2.LINE_AA)
-    cv2.drawContours(picture, contours, -1, RED, thickness, cv2.LINE_AA)
+    cv2.drawContours(picture, contours, -1, colour, thickness, cv2.LINE_AA)
 
 
 def _label(picture: Picture, detection: Detection) -> None:

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -7,6 +8,7 @@ from hand_made import small_detection
 
 from rover_obstacle_detection import pictures
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 
 INSIDE = (38, 37)
@@ -112,23 +114,60 @@ def test_the_overlay_of_a_16_bit_image_uses_the_grey_image():
     assert tuple(picture[5, 50]) == (100, 100, 100)
 
 
-def _obstacle(max_height_m, range_m):
+def _obstacle(kind, max_height_m, range_m):
     nowhere = (0.0, 0.0, 0.0)
-    return Obstacle(0, 0, 5, 5, 25, nowhere, nowhere, max_height_m, range_m, 0.9)
+    return Obstacle(0, 0, 5, 5, 25, nowhere, nowhere, max_height_m, range_m, 0.9, kind)
 
 
 @pytest.mark.parametrize(
-    ('max_height_m', 'range_m', 'label'),
+    ('kind', 'max_height_m', 'range_m', 'label'),
     [
-        (0.214, 1.38, '21 cm @ 1.4 m'),
-        (0.02, 2.0, '@ 2.0 m'),
-        (-0.3, 2.0, '@ 2.0 m'),
-        (np.nan, 2.0, '@ 2.0 m'),
-        (np.nan, np.nan, 'no 3D'),
+        ('rock', 0.214, 1.38, 'rock 21 cm @ 1.4 m'),
+        ('rock', 0.05, 2.0, 'rock @ 2.0 m'),
+        ('rock', -0.3, 2.0, 'rock @ 2.0 m'),
+        ('rock', np.nan, 2.0, 'rock @ 2.0 m'),
+        ('rock', np.nan, np.nan, 'rock, no 3D'),
+        ('slope', 0.21, 2.0, 'slope @ 2.0 m'),
+        ('drop', -0.3, 2.0, 'drop @ 2.0 m'),
+        ('rough', 0.05, 2.0, 'rough @ 2.0 m'),
+        ('unmeasured', 0.3, 2.0, 'unmeasured @ 2.0 m'),
+        ('unmeasured', np.nan, np.nan, 'no 3D'),
     ],
 )
-def test_obstacle_label(max_height_m, range_m, label):
-    assert pictures.obstacle_label(_obstacle(max_height_m, range_m), 0.10) == label
+def test_a_label_has_kind_and_distance_and_height_where_it_counts(
+    kind, max_height_m, range_m, label
+):
+    assert pictures.obstacle_label(_obstacle(kind, max_height_m, range_m), 0.10) == label
+
+
+def test_each_kind_has_a_colour_of_its_own():
+    assert set(pictures.KIND_COLOURS) == set(get_args(Kind))
+    colours = np.array(list(pictures.KIND_COLOURS.values()), int)
+    apart = np.abs(colours[:, np.newaxis] - colours).sum(axis=2)
+    assert (apart[~np.eye(len(colours), dtype=bool)] > 90).all()
+
+
+@pytest.mark.parametrize('cue', Cue)
+def test_the_overlay_has_the_colour_of_the_kind(cue):
+    mask = small_detection().mask
+    seen = small_detection(cues=np.where(mask > 0, np.uint8(cue), np.uint8(0)))
+    assert list(pictures.pixels_by_kind(seen)) == [KINDS[cue]]
+    tinted = pictures.overlay_picture(seen)[INSIDE]
+    expected = 0.6 * 100 + 0.4 * np.array(pictures.KIND_COLOURS[KINDS[cue]])
+    np.testing.assert_allclose(tinted, expected, atol=1)
+
+
+def test_each_pixel_of_an_obstacle_has_its_own_kind():
+    mask = small_detection().mask
+    cues = np.where(mask > 0, np.uint8(Cue.SLOPE), np.uint8(0))
+    cues[32:36, 30:44] |= np.uint8(Cue.HEIGHT)
+    cues[40:44, 30:44] = 0
+    seen = small_detection(cues=cues)
+    parts = pictures.pixels_by_kind(seen)
+    assert set(parts) == {'rock', 'slope'}
+    np.testing.assert_array_equal(parts['rock'], (cues & np.uint8(Cue.HEIGHT)) > 0)
+    np.testing.assert_array_equal(parts['slope'], (mask > 0) & ~parts['rock'])
+    assert [each.kind for each in seen.obstacles] == ['slope']
 
 
 def test_without_a_ground_plane_obstacles_have_no_height():

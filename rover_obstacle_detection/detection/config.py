@@ -118,7 +118,7 @@ class DetectorConfig:
         1.0,
     )
     min_range: float = _parameter(
-        0.3, 'Nearest distance along the optical axis that is matched (m).', 0.01, 100.0
+        0.3, 'Nearest distance along the optical axis that is judged (m).', 0.01, 100.0
     )
     max_range: float = _parameter(
         40.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0

@@ -8,11 +8,10 @@ from typing import Any
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.messages.factory import MessageFactory
-from rover_obstacle_detection.pictures import is_tall, shown_obstacles
+from rover_obstacle_detection.pictures import KIND_COLOURS, height_counts, shown_obstacles
 
-BOXES = 'obstacles'
 LABELS = 'labels'
-"""Marker namespaces, which RViz and Foxglove can show and hide separately."""
+"""Namespace of the labels. RViz and Foxglove can show and hide each namespace separately."""
 
 # visualization_msgs/Marker
 _CUBE = 1
@@ -20,7 +19,6 @@ _TEXT_VIEW_FACING = 9
 _ADD = 0
 _DELETEALL = 3
 
-_BOX_COLOUR = {'r': 0.94, 'g': 0.06, 'b': 0.19}
 _LABEL_COLOUR = {'r': 1.0, 'g': 1.0, 'b': 1.0, 'a': 1.0}
 # Opacity at confidence 0 and 1: always visible, never hiding the points inside.
 _MIN_ALPHA, _MAX_ALPHA = 0.1, 0.6
@@ -32,8 +30,9 @@ _LETTER_M = 0.06
 def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -> Any:
     """Make a ``visualization_msgs/MarkerArray`` that replaces all earlier markers.
 
-    Each obstacle with 3D points gets a box, more opaque with higher confidence. The label above
-    it shows the confidence and, for tall obstacles, the height: ``0.93  0.31 m``.
+    Each obstacle with 3D of its own gets a box in the namespace and colour of its kind, more
+    opaque with higher confidence. The label above it shows confidence, kind and, where that makes
+    it an obstacle, height: ``0.93 rock 0.31 m``.
 
     Parameters
     ----------
@@ -60,17 +59,18 @@ def encode_markers(detection: Detection, header: Any, factory: MessageFactory) -
 def _box(number: int, obstacle: Obstacle, header: Any, factory: MessageFactory) -> Any:
     corners = zip('xyz', obstacle.minimum_m, obstacle.maximum_m, strict=True)
     extent = {axis: max(high - low, _MIN_EXTENT_M) for axis, low, high in corners}
+    blue, green, red = (each / 255 for each in KIND_COLOURS[obstacle.kind])
     alpha = _MIN_ALPHA + obstacle.confidence * (_MAX_ALPHA - _MIN_ALPHA)
     return factory.make(
         'visualization_msgs/msg/Marker',
         header=header,
-        ns=BOXES,
+        ns=obstacle.kind,
         id=number,
         type=_CUBE,
         action=_ADD,
         pose=_upright(_centre(obstacle), factory),
         scale=factory.make('geometry_msgs/msg/Vector3', **extent),
-        color=factory.make('std_msgs/msg/ColorRGBA', **_BOX_COLOUR, a=alpha),
+        color=factory.make('std_msgs/msg/ColorRGBA', r=red, g=green, b=blue, a=alpha),
     )
 
 
@@ -91,9 +91,9 @@ def _label(
         axis: value + rise_m * part
         for (axis, value), part in zip(_centre(obstacle).items(), up, strict=True)
     }
-    text = f'{obstacle.confidence:.2f}'
-    if is_tall(obstacle, detection.config.max_step):
-        text += f'  {obstacle.max_height_m:.2f} m'
+    text = f'{obstacle.confidence:.2f} {obstacle.kind}'
+    if height_counts(obstacle, detection.config.max_step):
+        text += f' {obstacle.max_height_m:.2f} m'
     return factory.make(
         'visualization_msgs/msg/Marker',
         header=header,

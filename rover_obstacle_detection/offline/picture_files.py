@@ -90,10 +90,14 @@ def with_key(picture: Picture, items: Sequence[KeyItem]) -> Picture:
     return np.vstack((picture, strip))
 
 
-def _overlay_key(detection: Detection) -> Sequence[KeyItem]:
+def overlay_key(detection: Detection) -> Sequence[KeyItem]:
+    """Name the colours of the overlay: those of the kinds of obstacle in it, and of unknown."""
+    swatches: list[KeyItem] = []
+    for kind in pictures.pixels_by_kind(detection):
+        swatches += [pictures.KIND_COLOURS[kind], kind]
     return (
-        pictures.RED,
-        'obstacle: height @ distance',
+        *(swatches or ['no obstacle']),
+        '@: distance',
         pictures.LIGHT_GREY,
         'hatched: unknown',
         'no colour: free',
@@ -151,7 +155,7 @@ def _obstacle_map_key(detection: Detection) -> Sequence[KeyItem]:
 
 
 _KEYS: Mapping[str, Callable[[Detection], Sequence[KeyItem]]] = {
-    'overlay': _overlay_key,
+    'overlay': overlay_key,
     'disparity': _disparity_key,
     'regions': _regions_key,
     'seeds': _seeds_key,

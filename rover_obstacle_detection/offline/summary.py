@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import platform
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -45,6 +46,8 @@ class FrameSummary:
     ----------
     obstacles : int
         Number of obstacles.
+    obstacle_kinds : mapping of str to int
+        Number of obstacles of each kind that there is.
     obstacle_share, matched_share, unknown_share : float
         Share of the image's pixels that are obstacle, have a disparity, are unknown.
     nearest_obstacle_m : float
@@ -64,6 +67,7 @@ class FrameSummary:
     """
 
     obstacles: int
+    obstacle_kinds: Mapping[str, int]
     obstacle_share: float
     matched_share: float
     unknown_share: float
@@ -81,6 +85,7 @@ class FrameSummary:
         upright = ground.measured or detection.config.gravity_source == 'parameters'
         return cls(
             obstacles=len(obstacles),
+            obstacle_kinds=dict(Counter(each.kind for each in obstacles).most_common()),
             obstacle_share=float(np.mean(detection.mask == OBSTACLE)),
             matched_share=float(np.mean(detection.disparity > 0)),
             unknown_share=float(np.mean(~detection.known)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 from typing import NamedTuple
@@ -45,6 +46,7 @@ def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
     table = Table(title=f'{len(obstacles)} obstacles', title_justify='left', show_edge=False)
     for name in (
         '#',
+        'kind',
         'range\nm',
         'height\nm',
         'width\nm',
@@ -53,13 +55,14 @@ def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
         'pixels',
         'box\nx y w h',
     ):
-        table.add_column(name, justify='right')
+        table.add_column(name, justify='left' if name == 'kind' else 'right')
     nearest_first = sorted(
         obstacles, key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf
     )
     for number, each in enumerate(nearest_first, start=1):
         table.add_row(
             str(number),
+            each.kind,
             _metres(each.range_m),
             _metres(each.max_height_m),
             _metres(each.maximum_m[0] - each.minimum_m[0]),
@@ -111,9 +114,18 @@ def _counts(summary: ReplaySummary) -> list[_Row]:
         _Row(
             'obstacles per frame',
             f'{sum(obstacles) / len(obstacles):.1f}',
-            f'{min(obstacles)} to {max(obstacles)}',
+            f'{min(obstacles)} to {max(obstacles)}{_kinds(summary)}',
         ),
     ]
+
+
+def _kinds(summary: ReplaySummary) -> str:
+    """Count the obstacles of all frames by kind: ``; in all 12 rock, 1 slope``."""
+    counts = Counter[str]()
+    for each in summary.frames:
+        counts.update(each.summary.obstacle_kinds)
+    named = ', '.join(f'{count} {kind}' for kind, count in counts.most_common())
+    return f'; in all {named}' if named else ''
 
 
 def _times(summary: ReplaySummary) -> list[_Row]:

@@ -31,6 +31,7 @@ from rover_obstacle_detection.offline.labelled_bag import (
     recorded_conditions,
     recorded_scene,
 )
+from studies.cloud_study import SceneClouds, compare_clouds
 from studies.disparity_study import (
     SceneDisparity,
     frame_errors,
@@ -71,6 +72,12 @@ def study_lenses(path: Path, config: DetectorConfig) -> list[SceneLenses]:
     """Run the detector on each frame with added lens distortion."""
     with open_bag(path) as bag:
         return [compare_lenses(frame, config) for frame in _frames(bag, find_truth_topics(bag))]
+
+
+def study_clouds(path: Path, config: DetectorConfig) -> SceneClouds:
+    """Compare the detector's obstacle clouds with the true depth."""
+    with open_bag(path) as bag:
+        return compare_clouds(bag_name(path), _frames(bag, find_truth_topics(bag)), config)
 
 
 def study_reliability(path: Path, config: DetectorConfig) -> JudgedObstacles:

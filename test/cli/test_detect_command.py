@@ -56,6 +56,8 @@ def test_files_and_table_match_the_detection(files, capsys):
     assert listed['range_m'] == pytest.approx(largest.range_m)
     assert listed['minimum_m'] == pytest.approx(largest.minimum_m)
     assert listed['confidence'] == pytest.approx(largest.confidence)
+    assert listed['kind'] == largest.kind == 'rock'
+    assert summary['obstacle_kinds'] == {'rock': len(detection.obstacles)}
     assert summary['camera']['fx'] == pytest.approx(CAMERA.fx)
     assert summary['stage_ms']
     documentation = (Path(__file__).parents[2] / 'docs' / 'replay.md').read_text()
@@ -64,7 +66,7 @@ def test_files_and_table_match_the_detection(files, capsys):
 
     table = capsys.readouterr().out
     assert f'{len(detection.obstacles)} obstacles' in table
-    assert re.search(rf'{largest.range_m:.2f} │ +{largest.max_height_m:.2f} │', table)
+    assert re.search(rf'│ rock +│ +{largest.range_m:.2f} │ +{largest.max_height_m:.2f} │', table)
     assert re.search(rf'│ +{largest.confidence:.2f} │ +{largest.pixels} │', table)
     assert f'{largest.left} {largest.top} {largest.width} {largest.height}' in table
 

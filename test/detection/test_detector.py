@@ -158,12 +158,16 @@ def test_clouds_have_the_points_of_the_mask(found, cloud, level):
     has_point = np.zeros(SCENE.camera.shape, bool)
     has_point[rows, columns] = True
     judged = (found.disparity > 0) & np.isfinite(found.height)
-    expected = (found.mask == level) & judged
-    expected &= found.known
-    np.testing.assert_array_equal(has_point, expected)
-    np.testing.assert_array_equal(points[:, 3], found.height[rows, columns])
-    np.testing.assert_array_equal(points[:, :3], found.points[rows, columns])
-    if cloud == 'obstacle_points':
+    surface = (found.mask == level) & found.known
+    rims = found.rims.behind if level else found.rims.before
+    np.testing.assert_array_equal(has_point & judged, surface & judged & ~rims)
+    own = judged[rows, columns]
+    np.testing.assert_array_equal(points[own, 3], found.height[rows, columns][own])
+    np.testing.assert_array_equal(points[own, :3], found.points[rows, columns][own])
+    if cloud == 'ground_points':
+        assert own.all()
+    else:
+        np.testing.assert_array_equal(has_point & ~judged, surface & ~judged)
         np.testing.assert_array_equal(points[:, 4], found.confidence[rows, columns])
 
 

@@ -10,12 +10,14 @@ from hand_made import small_detection
 from rover_obstacle_detection import DetectorConfig, StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.messages.cloud import decode_cloud
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.image import decode_float_image, decode_image
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pictures import (
+    KIND_COLOURS,
     overlay_picture,
     regions_picture,
     roughness_step_picture,
@@ -37,6 +39,7 @@ def detection(disparity=None, mask=None, known=None):
         mask = np.zeros(SHAPE, np.uint8)
         mask[10:14, 10:20] = 255
     rows = np.broadcast_to(np.arange(24, dtype=np.float32)[:, None], SHAPE)
+    heights = np.where(mask > 0, rows / 100, rows / 1000)
     return small_detection(
         CAMERA,
         parameters=DetectorParameters.from_config(DetectorConfig(min_range=0.5)),
@@ -47,7 +50,7 @@ def detection(disparity=None, mask=None, known=None):
         seeds=np.ones(SHAPE, bool),
         roughness=np.full(SHAPE, 0.01, np.float32),
         step=np.full(SHAPE, 0.02, np.float32),
-        height=np.where(disparity > 0, rows / 100, np.nan).astype(np.float32),
+        height=np.where(disparity > 0, heights, np.nan).astype(np.float32),
         height_noise=np.full(SHAPE, 0.02, np.float32),
         cues=(mask > 0).astype(np.uint8),
         known=disparity > 0 if known is None else known,
@@ -110,6 +113,22 @@ def test_clouds_hold_the_points_of_the_masks_pixels():
             np.testing.assert_array_equal(cloud[:, 4], np.float32(seen.obstacles[0].confidence))
 
 
+def test_cloud_has_the_carried_points_and_not_the_rims():
+    whole = detection()
+    disparity, height = whole.disparity.copy(), whole.height.copy()
+    disparity[12, 14:16], height[12, 14:16] = 0, np.nan
+    disparity[10, 10:13], height[10, 10:13] = 3.0, 0.0
+    seen = replace(whole, disparity=disparity, height=height, known=whole.known)
+    message = encode('obstacle_points', seen)
+    assert (message.width, message.height, message.is_dense) == (40 - 3, 1, True)
+    assert len(message.data) == 37 * 20 == message.row_step
+    cloud = decode_cloud(message)
+    np.testing.assert_array_equal(cloud, seen.obstacle_points)
+    rows = np.flatnonzero(np.isclose(cloud[:, 1] / cloud[:, 2], 0.5 / 40, atol=1e-4))
+    np.testing.assert_allclose(cloud[rows[4:6], :2], whole.points[12, 14:16, :2], atol=1e-3)
+    assert cloud[:, 2].max() == pytest.approx(0.8, abs=1e-3)
+
+
 def test_known_image_marks_known_pixels():
     seen = detection()
     message = encode('debug/known', seen)
@@ -153,7 +172,7 @@ def test_box_encloses_the_points_of_the_obstacle():
     points = decode_cloud(encode('obstacle_points', seen))[:, :3]
     centre = np.array([getattr(box.pose.position, axis) for axis in 'xyz'])
     size = np.array([getattr(box.scale, axis) for axis in 'xyz'])
-    assert (box.type, box.action, box.ns, box.id) == (1, 0, 'obstacles', 0)
+    assert (box.type, box.action, box.ns, box.id) == (1, 0, 'rock', 0)
     np.testing.assert_allclose((centre - size / 2)[:2], points.min(axis=0)[:2], atol=1e-6)
     np.testing.assert_allclose((centre + size / 2)[:2], points.max(axis=0)[:2], atol=1e-6)
     assert centre[2] == pytest.approx(0.8)
@@ -162,12 +181,12 @@ def test_box_encloses_the_points_of_the_obstacle():
     assert box.color.a == pytest.approx(0.1 + 0.5 * seen.obstacles[0].confidence)
 
 
-def test_label_above_the_box_shows_confidence_and_height():
+def test_label_above_the_box_shows_confidence_kind_and_height():
     seen = detection()
     _, box, label = encode('obstacle_markers', seen).markers
     (obstacle,) = seen.obstacles
     assert (label.type, label.action, label.ns, label.id) == (9, 0, 'labels', 0)
-    assert label.text == f'{obstacle.confidence:.2f}  0.13 m'
+    assert label.text == f'{obstacle.confidence:.2f} rock 0.13 m'
     assert label.scale.z > 0.02
     assert label.color.a == 1
     assert label.pose.position.x == box.pose.position.x
@@ -176,19 +195,40 @@ def test_label_above_the_box_shows_confidence_and_height():
     assert label.pose.position.y + label.scale.z / 2 < top < label.pose.position.y + 0.2
 
 
-def test_label_of_a_low_obstacle_shows_confidence_only():
+def test_label_of_a_low_obstacle_shows_no_height():
     mask = np.zeros(SHAPE, np.uint8)
-    mask[4, 10:20] = 255
+    mask[8, 10:20] = 255
     (obstacle,) = detection(mask=mask).obstacles
+    assert obstacle.max_height_m == pytest.approx(0.08), 'the limit is 0.10 m'
     label = encode('obstacle_markers', detection(mask=mask)).markers[2]
-    assert label.text == f'{obstacle.confidence:.2f}'
+    assert label.text == f'{obstacle.confidence:.2f} rock'
+
+
+def test_kinds_of_obstacle_have_namespaces_and_colours_of_their_own():
+    mask = np.zeros(SHAPE, np.uint8)
+    cues = np.zeros(SHAPE, np.uint8)
+    kinds = {'slope': Cue.SLOPE, 'drop': Cue.DROP, 'rough': Cue.ROUGHNESS_STEP, 'rock': Cue.HEIGHT}
+    for index, cue in enumerate(kinds.values()):
+        part = np.s_[4 + 5 * index : 7 + 5 * index, 10 : 20 - index]
+        mask[part], cues[part] = 255, cue
+    seen = replace(detection(mask=mask), cues=cues)
+    markers = encode('obstacle_markers', seen).markers[1:]
+    boxes, labels = markers[:4], markers[4:]
+    assert [each.ns for each in boxes] == list(kinds)
+    assert [each.text.split()[1] for each in labels] == list(kinds)
+    assert [len(each.text.split()) for each in labels] == [2, 2, 2, 4], 'only rocks have heights'
+    assert {each.ns for each in labels} == {'labels'}
+    for box in boxes:
+        blue, green, red = KIND_COLOURS[box.ns]
+        colour = (box.color.r, box.color.g, box.color.b)
+        assert colour == pytest.approx((red / 255, green / 255, blue / 255), abs=1e-6)
 
 
 def test_label_without_a_ground_plane_shows_no_height():
     seen = detection()
     assumed = replace(seen, ground=replace(seen.ground, measured=False))
     label = encode('obstacle_markers', assumed).markers[2]
-    assert label.text == f'{seen.obstacles[0].confidence:.2f}'
+    assert label.text == f'{seen.obstacles[0].confidence:.2f} rock'
 
 
 def test_box_is_more_opaque_with_higher_confidence():

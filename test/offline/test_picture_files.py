@@ -2,13 +2,15 @@ import cv2
 import numpy as np
 from hand_made import small_detection
 
+from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.offline.picture_files import (
     PICTURE_NAMES,
     ColourBar,
+    overlay_key,
     with_key,
     write_pictures,
 )
-from rover_obstacle_detection.pictures import RED, disparity_picture
+from rover_obstacle_detection.pictures import KIND_COLOURS, RED, disparity_picture
 
 
 def test_every_picture_is_written_with_its_key_below(tmp_path):
@@ -20,6 +22,15 @@ def test_every_picture_is_written_with_its_key_below(tmp_path):
     assert np.array_equal(read[:48], disparity_picture(detection))
     assert read.shape[0] > 48
     assert read.shape[1] == 64
+
+
+def test_the_key_of_the_overlay_names_the_kinds_in_the_picture():
+    mask = small_detection().mask > 0
+    cues = np.where(mask, np.uint8(Cue.DROP), np.uint8(0))
+    key = overlay_key(small_detection(cues=cues))
+    assert key[:2] == (KIND_COLOURS['drop'], 'drop')
+    assert 'rock' not in key
+    assert overlay_key(small_detection(mask=np.zeros_like(cues)))[0] == 'no obstacle'
 
 
 def test_the_key_has_texts_swatches_and_bars():

@@ -30,6 +30,7 @@ from rover_obstacle_detection.detection.result.specks import combined_cues
 from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.detection.stereo.coarse import CoarseMatcher, reduced_pair
+from rover_obstacle_detection.detection.stereo.judged_range import within_range
 from rover_obstacle_detection.detection.stereo.matching import (
     Stereo,
     image_penalties,
@@ -165,6 +166,7 @@ def measure(
     finished('ground plane')
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
     stereo, plain, warnings = supported(stereo, p)
+    stereo = within_range(stereo, p.stereo.min_range_m, p.terrain.max_range_m)
     finished('support')
     stereo = stages.reflections(stereo, p.terrain)
     brims = stages.brims(stereo, p.terrain)

@@ -18,6 +18,7 @@ from rover_obstacle_detection.detection.regions.parameters import RegionParamete
 from rover_obstacle_detection.detection.regions.segmentation import mean_shift_regions
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection
+from rover_obstacle_detection.detection.stereo.judged_range import too_near
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import (
     Penalties,
@@ -45,6 +46,8 @@ def detect_as_study(
     grey, camera, rover_mask = frame.pair[0], frame.camera, frame.rover_mask
     study = parameters.study
     disparity = match_as_study(frame, parameters.stereo, study)
+    near = too_near(disparity, camera, parameters.stereo.min_range_m)
+    disparity[near] = 0
     finished('disparity')
     ground = estimate_ground(disparity, camera, parameters.plane_fit, frame.gravity)
     finished('ground')
@@ -76,9 +79,9 @@ def detect_as_study(
         study.morphology_iterations,
     )
     known = (disparity > 0) | ~products.seeds
-    if rover_mask is not None:
-        mask[rover_mask] = FREE
-        known &= ~rover_mask
+    excluded = near if rover_mask is None else near | rover_mask
+    mask[excluded] = FREE
+    known &= ~excluded
     finished('morphology')
     return Detection(
         camera=camera,

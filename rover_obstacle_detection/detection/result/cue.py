@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntFlag
+from types import MappingProxyType
+from typing import Literal
+
+Kind = Literal['rock', 'slope', 'drop', 'unmeasured', 'rough']
+"""What an obstacle is, by the cue of most of its pixels."""
 
 
 class Cue(IntFlag):
@@ -27,3 +33,15 @@ class Cue(IntFlag):
     DROP = 4
     GREY_LEVEL = 16
     ROUGHNESS_STEP = 32
+
+
+KINDS: Mapping[Cue, Kind] = MappingProxyType(
+    {
+        Cue.HEIGHT: 'rock',
+        Cue.SLOPE: 'slope',
+        Cue.DROP: 'drop',
+        Cue.GREY_LEVEL: 'unmeasured',
+        Cue.ROUGHNESS_STEP: 'rough',
+    }
+)
+"""Kind of obstacle that each cue makes."""

@@ -21,14 +21,17 @@ from rover_obstacle_detection.detection.rectification.correction import (
 )
 from rover_obstacle_detection.detection.rectification.lens_distortion import Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
+from rover_obstacle_detection.detection.result.carried import Carrier
 from rover_obstacle_detection.detection.result.confidence import confidence
 from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence, measure_evidence
 from rover_obstacle_detection.detection.result.obstacles import (
     NumberedObstacles,
     Obstacle,
     describe_obstacles,
+    main_kinds,
     number_obstacles,
 )
+from rover_obstacle_detection.detection.result.rims import STANDING, Rims, find_rims
 from rover_obstacle_detection.detection.study.products import StudyProducts
 
 OBSTACLE = 255
@@ -135,8 +138,7 @@ class Detection:
     @cached_property
     def points(self) -> NDArray[np.float32]:
         """Position in the left optical frame, metres, shape (height, width, 3); NaN where none."""
-        rays = None if self.remapping is None else self.remapping.rays(self.camera)
-        return _read_only(reproject(self.disparity, self.camera, rays))
+        return _read_only(reproject(self.disparity, self.camera, self._rays))
 
     @cached_property
     def obstacle_numbers(self) -> NDArray[np.int32]:
@@ -164,8 +166,9 @@ class Detection:
         return describe_obstacles(
             self._numbered,
             self.points,
-            self.height,
+            np.where(self.rims.behind, np.float32(np.nan), self.height),
             self._confidences,
+            main_kinds(self.evidence.cue_shares),
             self.parameters.result.tail_share,
         )
 
@@ -175,18 +178,53 @@ class Detection:
         return _read_only(np.append(np.float32(0), self._confidences)[self.obstacle_numbers])
 
     @cached_property
+    def rims(self) -> Rims:
+        """Pixels at the rims of obstacles that were matched to the other side of the outline."""
+        rims = find_rims(
+            self.disparity,
+            self.height,
+            self.height_noise,
+            self.cues,
+            self.obstacle_numbers,
+            self.camera,
+            self.ground.height_m,
+            self.parameters.result,
+        )
+        return Rims(*map(_read_only, rims))
+
+    @cached_property
     def obstacle_points(self) -> NDArray[np.float32]:
-        """Points on obstacles, one for each obstacle pixel with 3D, row by row.
+        """Points on obstacles, at most one for each obstacle pixel, row by row.
 
         Shape (n, 5): x, y, z in the left optical frame and height above the local ground, metres;
         confidence.
+
+        Pixels whose depth is that of the ground behind the obstacle (`rims`) have no point. Pixels
+        without 3D have the range of the nearest pixel of their obstacle that is high, as rocks
+        are, or else of any. An obstacle without any
+        3D stands upright where its foot meets the ground; it has no points where no ground was
+        measured, or where that place is outside `min_range` and `max_range`.
         """
-        return self._cloud(self.mask == OBSTACLE, self.confidence)
+        obstacle = (self.mask == OBSTACLE) & self.known
+        own = obstacle & self._measured & ~self.rims.behind
+        placed, rows = self._carried(obstacle & ~self._measured, own)
+        both = own | placed
+        cloud = np.empty((np.count_nonzero(both), 5), np.float32)
+        measured = own[both]
+        cloud[measured, :3] = self.points[own]
+        cloud[measured, 3] = self.height[own]
+        cloud[~measured, :4] = rows
+        cloud[:, 4] = self.confidence[both]
+        return _read_only(cloud)
 
     @cached_property
     def ground_points(self) -> NDArray[np.float32]:
-        """Points on free ground, row by row, shape (n, 4): x, y, z and height, metres."""
-        return self._cloud(self.mask == FREE)
+        """Points on free ground, row by row, shape (n, 4): x, y, z and height, metres.
+
+        Free pixels whose depth is that of an obstacle beside them (`rims`) have no point.
+        """
+        where = (self.mask == FREE) & self.known & self._measured & ~self.rims.before
+        return _read_only(np.column_stack((self.points[where], self.height[where])))
 
     @cached_property
     def _numbered(self) -> NumberedObstacles:
@@ -196,11 +234,31 @@ class Detection:
     def _confidences(self) -> NDArray[np.float32]:
         return confidence(self.evidence, self.parameters.result)
 
-    def _cloud(self, where: NDArray[np.bool_], *more: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Points and heights of judged pixels: unknown is neither obstacle nor free."""
-        where = where & self.known & (self.disparity > 0) & np.isfinite(self.height)
-        columns = [each[where] for each in (self.points, self.height, *more)]
-        return _read_only(np.column_stack(columns))
+    @cached_property
+    def _measured(self) -> NDArray[np.bool_]:
+        """Pixels with a position and a height."""
+        return (self.disparity > 0) & np.isfinite(self.height)
+
+    def _carried(
+        self, missing: NDArray[np.bool_], own: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+        """Positions and heights of obstacle pixels that have no 3D."""
+        carrier = Carrier(
+            self.points,
+            self.height,
+            self._rays,
+            self.ground,
+            lambda: (self.mask == FREE) & self.known & self._measured,
+            (self.config.min_range, self.config.max_range),
+        )
+        # What is low on a rock may be ground that shows behind it.
+        parameters = self.parameters.result
+        high = self.height >= parameters.rim_share * parameters.max_step_m
+        return carrier.place(missing, own, high | (self.cues & ~STANDING > 0), self._numbered)
+
+    @property
+    def _rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        return self.camera.rays() if self.remapping is None else self.remapping.rays(self.camera)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,10 @@ class Obstacle:
         Distance of its nearest part from the left camera, metres; NaN without 3D.
     confidence : float
         Confidence that this is an obstacle, 0 to 1.
+    kind : str
+        What it is, by the cue of most of its pixels: ``rock`` (anything that stands above the
+        ground), ``slope``, ``drop``, ``unmeasured`` (it has no 3D, but looks like an obstacle) or
+        ``rough``.
 
     Notes
     -----
@@ -44,6 +51,7 @@ class Obstacle:
     max_height_m: float
     range_m: float
     confidence: float
+    kind: Kind = 'rock'
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +90,7 @@ def describe_obstacles(
     points: NDArray[np.float32],
     height_m: NDArray[np.float32],
     confidence: NDArray[np.float32],
+    kinds: Sequence[Kind],
     tail_share: float,
 ) -> tuple[Obstacle, ...]:
     """Measure numbered obstacles.
@@ -94,12 +103,35 @@ def describe_obstacles(
     height_m : ndarray of float32, shape (height, width)
         Above the local ground; NaN where none.
     confidence : ndarray of float32, shape (n,)
+    kinds : sequence of str, n of them
     tail_share : float
         Share of the points at either end that the measures leave out.
     """
+    judged = zip(numbered.boxes, confidence, kinds, strict=True)
     return tuple(
-        _measure(number, box, numbered.image, points, height_m, float(each), tail_share)
-        for number, (box, each) in enumerate(zip(numbered.boxes, confidence, strict=True), start=1)
+        _measure(number, box, numbered.image, points, height_m, float(each), kind, tail_share)
+        for number, (box, each, kind) in enumerate(judged, start=1)
+    )
+
+
+def main_kinds(cue_shares: NDArray[np.float64]) -> tuple[Kind, ...]:
+    """Name the kind of each obstacle after the cue of most of its pixels.
+
+    Parameters
+    ----------
+    cue_shares : ndarray of float64, shape (n, cues)
+        Share of each obstacle's pixels with each cue, in the order of `Cue`.
+
+    Returns
+    -------
+    tuple of str
+        Of cues with the same share, the first of `Cue` counts. Without any cue, which the study's
+        morphology can leave, an obstacle is ``rough``.
+    """
+    of_cues = [KINDS[cue] for cue in Cue]
+    return tuple(
+        of_cues[int(np.argmax(shares))] if shares.any() else KINDS[Cue.ROUGHNESS_STEP]
+        for shares in cue_shares
     )
 
 
@@ -110,6 +142,7 @@ def _measure(
     points: NDArray[np.float32],
     height_m: NDArray[np.float32],
     confidence: float,
+    kind: Kind,
     tail_share: float,
 ) -> Obstacle:
     left, top, width, height, pixels = (int(value) for value in box)
@@ -120,7 +153,7 @@ def _measure(
     if not len(own):
         nowhere = (np.nan, np.nan, np.nan)
         return Obstacle(
-            left, top, width, height, pixels, nowhere, nowhere, np.nan, np.nan, confidence
+            left, top, width, height, pixels, nowhere, nowhere, np.nan, np.nan, confidence, kind
         )
     low, high = np.quantile(own, (tail_share, 1 - tail_share), axis=0)
     return Obstacle(
@@ -134,6 +167,7 @@ def _measure(
         max_height_m=float(np.quantile(height_m[window][inside], 1 - tail_share)),
         range_m=float(np.quantile(np.linalg.norm(own, axis=1), tail_share)),
         confidence=confidence,
+        kind=kind,
     )
 
 

@@ -27,6 +27,17 @@ class ResultParameters:
     tail_share : float
         Share of an obstacle's points at either end that its box leaves out. Derived: one false
         match would make a box as deep as the scene.
+    rim_reach_px : int
+        Distance in the image to which matching smears depth across the outline of an obstacle.
+        Chosen on the sample and tuning scenes, as the three that follow.
+    rim_share : float
+        Share of the height around it, and of `max_step_m`, below which a pixel of an obstacle is
+        as low as ground, and above which a free pixel is as high as an obstacle.
+    rim_gap_m : float
+        Least depth by which the ground lies clearly behind an obstacle, metres: two cells of a
+        usual costmap.
+    rim_noises : float
+        The same in standard deviations of the depth.
     typical_noise_px : float
         Disparity noise of clean pairs; the evidence of noisier pairs counts less. Measured on the
         tuning scenes.
@@ -51,6 +62,10 @@ class ResultParameters:
     speck_share: float = 0.0025
     min_obstacle_px: int = 12
     tail_share: float = 0.02
+    rim_reach_px: int = 8
+    rim_share: float = 0.7
+    rim_gap_m: float = 0.10
+    rim_noises: float = 3.0
     typical_noise_px: float = 0.1
     noise_spacing_px: int = 2
     max_difference_px: float = 4.0

@@ -366,3 +366,35 @@ def test_extreme_uniqueness_leaves_no_free_ground_without_3d():
     found, _ = detect(mast(), uniqueness_ratio=99.0)
     assert (found.disparity == 0).any()
     assert not (found.known & (found.disparity == 0) & (found.mask == 0)).any()
+
+
+# The block lies at 1.23 to 1.44 m along the optical axis, the ground at 0.9 to 3.1 m.
+@pytest.mark.parametrize('limit', [{'min_range': 1.35}, {'max_range': 1.3}], ids=str)
+def test_nothing_outside_the_range_is_judged(limit):
+    everything, _ = detect(mast(solids=BLOCK))
+    found, _ = detect(mast(solids=BLOCK), **limit)
+    lowest, highest = found.config.min_range, found.config.max_range
+    depth_m = everything.points[..., 2]
+    outside = (depth_m < 0.98 * lowest) | (depth_m > 1.02 * highest)
+    assert flagged(everything, outside) > 0.02, 'a part of the block'
+    assert flagged(found, outside) < 1e-3, 'matches differ a little'
+    assert found.known[outside].mean() < 1e-3
+    measured = found.points[..., 2]
+    matched = measured > highest
+    assert not (measured < lowest).any()
+    assert not found.mask[matched].any()
+    assert not found.cues[matched].any()
+    assert not found.known[matched].any()
+    for cloud in (found.obstacle_points, found.ground_points):
+        assert ((cloud[:, 2] >= 0.999 * lowest) & (cloud[:, 2] <= 1.001 * highest)).all()
+    inside = everything.known & (depth_m > 1.02 * lowest) & (depth_m < 0.98 * highest)
+    assert (found.known[inside]).mean() > 0.9
+
+
+def test_what_hides_ground_nearer_than_the_range_is_nearer_too():
+    found, view = detect(mast(solids=BLOCK), min_range=1.35)
+    below = np.arange(found.mask.shape[0]) > 200
+    assert (view.depth_m[below] < 1.2).all()
+    assert not found.known[below].any()
+    assert not found.mask[below].any()
+    assert not found.disparity[below].any()

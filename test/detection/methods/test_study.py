@@ -83,3 +83,16 @@ def test_morphology_removes_specks():
     smooth, _ = detect(scene)
     assert len(smooth.obstacles) < len(rough.obstacles)
     assert min(each.pixels for each in smooth.obstacles) > 20
+
+
+def test_nothing_nearer_than_the_range_is_judged():
+    everything, view = detect(mast(solids=BLOCK))
+    found, _ = detect(mast(solids=BLOCK), min_range=1.35)
+    near = everything.points[..., 2] < 1.349
+    assert near.mean() > 0.1
+    assert everything.mask[near].any()
+    assert not found.mask[near].any()
+    assert not found.known[near].any()
+    assert not found.disparity[near].any()
+    assert found.ground_points[:, 2].min() > 1.349
+    assert found.known[view.depth_m > 1.4].mean() > 0.8

@@ -22,7 +22,7 @@ def detection(**changes):
         'ground': GroundPlane(UP, 1.0, UP),
         'grey': np.full((2, 4), 100, np.uint8),
         'disparity': np.array([[5, 5, 0, 5], [5, 5, 2.5, 5]], np.float32),
-        'height': np.array([[0.2, 0.1, 0.3, np.nan], [0, 0, 0.5, 0]], np.float32),
+        'height': np.array([[0.2, 0.05, 0.3, np.nan], [0, 0, 0.5, 0]], np.float32),
         'height_noise': np.full((2, 4), 0.02, np.float32),
         'cues': np.array([[1, 0, 8, 8], [0, 0, 1, 0]], np.uint8),
         'known': np.array([[1, 1, 1, 1], [1, 1, 1, 0]], np.bool_),
@@ -33,27 +33,61 @@ def detection(**changes):
 
 def test_obstacle_points_have_depth_and_height_row_by_row():
     found = detection()
+    # The third and fourth pixel of the first row have no 3D.
+    assert found.obstacle_points.shape == (4, 5)
     np.testing.assert_allclose(
-        found.obstacle_points,
+        found.obstacle_points[[0, 3]],
         [
             [-0.1, -0.1, 1.0, 0.2, found.confidence[0, 0]],
             [0.2, 0.0, 2.0, 0.5, found.confidence[1, 2]],
         ],
         atol=1e-6,
     )
+    carried = found.obstacle_points[1:3]
+    np.testing.assert_allclose(np.linalg.norm(carried[:, :3], axis=1), np.hypot(0.2, 2.0))
+    np.testing.assert_allclose(carried[:, :2] / carried[:, 2:3], [[0.1, -0.1], [0.2, -0.1]])
+    np.testing.assert_allclose(carried[:, 3], 0.5 - carried[:, 1], atol=1e-6)
+    np.testing.assert_allclose(carried[:, 4], found.confidence[0, 2])
+
+
+def test_a_rim_has_no_point_and_does_not_lengthen_the_box():
+    plain = small_detection()
+    rim = np.s_[32:34, 30:44]
+    disparity, height = plain.disparity.copy(), plain.height.copy()
+    disparity[rim], height[rim] = 2.0, 0.0
+    found = small_detection(disparity=disparity, height=height)
+    assert found.rims.behind[rim].all()
+    assert len(found.obstacle_points) == len(plain.obstacle_points) - 28
+    assert found.obstacle_points[:, 2].max() == plain.obstacle_points[:, 2].max()
+    assert found.obstacles[0].maximum_m[2] == pytest.approx(1.5)
+    np.testing.assert_array_equal(found.mask, plain.mask)
+    np.testing.assert_array_equal(found.known, plain.known)
+    np.testing.assert_array_equal(found.points[rim][..., 2], 3.0)
+
+
+def test_free_pixels_with_the_depth_of_an_obstacle_are_no_ground_points():
+    plain = small_detection()
+    rim = np.s_[30:32, 30:44]
+    disparity, height = plain.disparity.copy(), plain.height.copy()
+    disparity[rim], height[rim] = 4.0, 0.2
+    found = small_detection(disparity=disparity, height=height)
+    assert len(found.ground_points) == len(plain.ground_points) - 28
+    assert (found.ground_points[:, 3] == 0).all()
+    np.testing.assert_array_equal(found.obstacle_points[:, :4], plain.obstacle_points[:, :4])
 
 
 def test_unknown_pixels_are_not_obstacle_points():
     known = np.ones((2, 4), bool)
     known[1, 2] = False
-    (point,) = detection(known=known).obstacle_points
-    assert point[:4] == pytest.approx([-0.1, -0.1, 1.0, 0.2])
+    points = detection(known=known).obstacle_points
+    assert points[0, :4] == pytest.approx([-0.1, -0.1, 1.0, 0.2])
+    assert not (points[:, 1] == 0).any(), 'nothing in the second row'
 
 
 def test_ground_points_are_the_known_free_pixels():
     np.testing.assert_allclose(
         detection().ground_points,
-        [[0.0, -0.1, 1.0, 0.1], [-0.1, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+        [[0.0, -0.1, 1.0, 0.05], [-0.1, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         atol=1e-6,
     )
 
@@ -85,6 +119,13 @@ def test_obstacles_have_height_and_range():
     assert large.max_height_m == pytest.approx(0.5)
     assert large.range_m == pytest.approx(np.hypot(0.2, 2.0))
     assert small.max_height_m == pytest.approx(0.2)
+
+
+def test_obstacles_have_the_kind_of_most_of_their_pixels():
+    cues = np.array([[4, 0, 2, 3], [0, 0, 1, 0]], np.uint8)
+    assert [each.kind for each in detection(cues=cues).obstacles] == ['rock', 'drop']
+    cues = np.array([[16, 0, 2, 2], [0, 0, 1, 0]], np.uint8)
+    assert [each.kind for each in detection(cues=cues).obstacles] == ['slope', 'unmeasured']
 
 
 def test_given_and_computed_arrays_are_read_only():

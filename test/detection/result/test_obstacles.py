@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
 from rover_obstacle_detection.detection.result.obstacles import (
     describe_obstacles,
+    main_kinds,
     number_obstacles,
 )
 
@@ -24,7 +27,8 @@ def scene():
 def find_obstacles(mask, points, height_m):
     numbered = number_obstacles(mask)
     confidence = np.linspace(0.9, 0.1, len(numbered.boxes), dtype=np.float32)
-    return describe_obstacles(numbered, points, height_m, confidence, TAIL_SHARE)
+    kinds = ['rock'] * len(numbered.boxes)
+    return describe_obstacles(numbered, points, height_m, confidence, kinds, TAIL_SHARE)
 
 
 def test_empty_mask_has_no_obstacle():
@@ -124,10 +128,39 @@ def test_obstacles_are_numbered_largest_first():
     )
 
 
-def test_each_obstacle_has_its_own_confidence():
+def test_each_obstacle_has_its_own_confidence_and_kind():
     mask, points, height = scene()
     mask[1, 1] = 255
     mask[5:9, 5:9] = 255
     confidence = np.array([0.75, 0.25], np.float32)
-    found = describe_obstacles(number_obstacles(mask), points, height, confidence, TAIL_SHARE)
-    assert [(each.pixels, each.confidence) for each in found] == [(16, 0.75), (1, 0.25)]
+    height[1, 1] = np.nan
+    found = describe_obstacles(
+        number_obstacles(mask), points, height, confidence, ('slope', 'unmeasured'), TAIL_SHARE
+    )
+    assert [(each.pixels, each.confidence, each.kind) for each in found] == [
+        (16, 0.75, 'slope'),
+        (1, 0.25, 'unmeasured'),
+    ]
+
+
+@pytest.mark.parametrize(
+    ('shares', 'kind'),
+    [
+        ({Cue.HEIGHT: 1.0}, 'rock'),
+        ({Cue.SLOPE: 0.6, Cue.HEIGHT: 0.5}, 'slope'),
+        ({Cue.SLOPE: 0.5, Cue.DROP: 0.7}, 'drop'),
+        ({Cue.GREY_LEVEL: 0.8, Cue.HEIGHT: 0.2}, 'unmeasured'),
+        ({Cue.ROUGHNESS_STEP: 0.1}, 'rough'),
+        ({Cue.HEIGHT: 0.5, Cue.SLOPE: 0.5}, 'rock'),
+        ({}, 'rough'),
+    ],
+    ids=str,
+)
+def test_an_obstacle_is_what_most_of_its_pixels_are(shares, kind):
+    array = np.array([[shares.get(cue, 0.0) for cue in Cue]])
+    assert main_kinds(array) == (kind,)
+
+
+def test_every_cue_makes_a_kind_of_its_own():
+    assert set(KINDS) == set(Cue)
+    assert sorted(KINDS.values()) == sorted(get_args(Kind))
