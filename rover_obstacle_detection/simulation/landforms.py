@@ -24,8 +24,8 @@ _FACE = 0.06
 """Horizontal width of the face of a layer, relative to that of the whole layer."""
 _TREAD = 0.12
 """Slope of the ground between the faces of layers, relative to the uncut ground."""
-_LAYERS_BEGIN_M, _LAYERS_FULL_M = 0.7, 1.6
-"""The rover stands on level ground; the relief of layers grows over these distances."""
+_LEVEL_M, _UNEVEN_M = 0.7, 1.6
+"""The rover stands on level ground; plates and layers grow over these distances."""
 _OPPOSITE_M = 17.3
 """Shift of the noise of the opposite edge of a trench, so that its edges differ."""
 _CLEAT_M, _CLEAT_HEIGHT_M = 0.055, 0.007
@@ -114,9 +114,7 @@ class Landforms:
 
     def _layered(self, x_m: Floats, y_m: Floats) -> Floats:
         p = self._parameters
-        distance = np.hypot(x_m, y_m)
-        grown = _smooth((distance - _LAYERS_BEGIN_M) / (_LAYERS_FULL_M - _LAYERS_BEGIN_M))
-        relief = np.float32(p.layer_relief_m) * self._layers.smooth(x_m, y_m) * grown
+        relief = np.float32(p.layer_relief_m) * self._layers.smooth(x_m, y_m) * _grown(x_m, y_m)
         layers = relief / np.float32(p.layer_m)
         whole = np.floor(layers)
         cut = whole + _smooth((layers - whole - 0.5) / _FACE + 0.5)
@@ -163,7 +161,7 @@ class Landforms:
         inside = _smooth(edge_m / np.float32(p.crack_width_m / 2))
         share = 0.5 + 0.5 * inside
         crack = np.float32(p.crack_depth_m) * (1 - inside) * np.maximum(own_up, other_up)
-        height = share * own + (1 - share) * other - crack
+        height = (share * own + (1 - share) * other) * _grown(x, y) - crack
         return np.asarray(height, np.float32), np.asarray(own_up * inside, np.float32)
 
     def _top(self, plate: Floats) -> tuple[Floats, Floats]:
@@ -244,6 +242,10 @@ def _along_rows(grid: Floats, row: NDArray[np.float64]) -> Floats:
     base = np.clip(np.floor(row).astype(np.int64), 0, len(grid) - 2)
     rest = (row - base).astype(np.float32)[:, np.newaxis]
     return np.asarray(grid[base] * (1 - rest) + grid[base + 1] * rest, np.float32)
+
+
+def _grown(x_m: Floats, y_m: Floats) -> Floats:
+    return _smooth((np.hypot(x_m, y_m) - _LEVEL_M) / (_UNEVEN_M - _LEVEL_M))
 
 
 def _smooth(t: NDArray[np.floating]) -> Floats:
