@@ -22,8 +22,10 @@ from rover_obstacle_detection.simulation.rigs import RIGS
 WIDTH, HEIGHT = 320, 240
 COLUMNS = 7
 SEED = 401
-# The far-looking rigs cannot see this slope.
-RIG_OF_CONDITION = {'slope_down_26': 'study'}
+# The far-looking rigs cannot see beyond these edges.
+RIG_OF_CONDITION = dict.fromkeys(
+    ('slope_down_26', 'ledge_down', 'cliff', 'stairs_down', 'gully', 'canyon_rim'), 'study'
+)
 
 
 def tile(condition: str, rig: str) -> NDArray[np.uint8]:

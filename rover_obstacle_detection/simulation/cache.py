@@ -18,7 +18,14 @@ from rover_obstacle_detection.simulation.description import Scene
 from rover_obstacle_detection.simulation.frames import STEPS_PER_FRAME, render
 
 # These modules choose scenes but do not affect how a scene is rendered.
-_NOT_RENDERING = {'__init__.py', 'cache.py', 'presets.py', 'suite.py'}
+_NOT_RENDERING = {
+    '__init__.py',
+    'cache.py',
+    'hazard_presets.py',
+    'preset.py',
+    'presets.py',
+    'suite.py',
+}
 OnProgress = Callable[[int, int], None]
 
 

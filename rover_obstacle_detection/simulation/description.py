@@ -57,6 +57,22 @@ class Crater(_Checked):
 
 
 @dataclass(frozen=True)
+class Step(_Checked):
+    """A step, trench or ridge with an irregular edge, positioned relative to the start."""
+
+    ahead_m: float = _parameter(2.0, 'Distance ahead at which the edge is crossed (m).', -100, 100)
+    turn_deg: float = _parameter(
+        0.0, 'Direction across the edge: 0 ahead, 90 left (deg).', -180.0, 180.0
+    )
+    rise_m: float = _parameter(0.25, 'Height beyond the edge; down negative (m).', -5.0, 5.0)
+    run_m: float = _parameter(0.04, 'Horizontal width of the face (m).', 0.005, 5.0)
+    width_m: float = _parameter(
+        0.0, 'Distance to the opposite face of a trench or ridge (m); 0: none.', 0.0, 50.0
+    )
+    waviness_m: float = _parameter(0.06, 'RMS irregularity of the edge (m).', 0.0, 1.0)
+
+
+@dataclass(frozen=True)
 class TerrainParameters(_Checked):
     """Shape of the ground without rocks."""
 
@@ -77,6 +93,28 @@ class TerrainParameters(_Checked):
     ripple_height_m: float = _parameter(0.0, 'Height of ripples, trough to crest (m).', 0.0, 0.2)
     ripple_length_m: float = _parameter(0.3, 'Distance between ripple crests (m).', 0.05, 5.0)
     craters: tuple[Crater, ...] = ()
+    steps: tuple[Step, ...] = ()
+    plate_size_m: float = _parameter(0.0, 'Size of plates in the ground (m); 0: none.', 0.0, 5.0)
+    plate_cover: float = _parameter(1.0, 'Fraction of the plates above the soil.', 0.0, 1.0)
+    plate_height_m: float = _parameter(0.0, 'Greatest height of the plates (m).', 0.0, 1.0)
+    plate_tilt_deg: float = _parameter(0.0, 'RMS tilt of the plates (deg).', 0.0, 20.0)
+    crack_width_m: float = _parameter(0.02, 'Width of cracks between plates (m).', 0.002, 0.5)
+    crack_depth_m: float = _parameter(0.02, 'Depth of cracks between plates (m).', 0.0, 0.5)
+    layer_m: float = _parameter(
+        0.0, 'Thickness of layers that crop out as ledges (m); 0: none.', 0.0, 1.0
+    )
+    layer_relief_m: float = _parameter(
+        0.15, 'RMS relief of the layered ground, wavelengths 0.3 to 5 m (m).', 0.0, 2.0
+    )
+    track_depth_m: float = _parameter(0.0, 'Depth of wheel tracks (m); 0: none.', 0.0, 0.2)
+    track_width_m: float = _parameter(0.14, 'Width of one wheel track (m).', 0.03, 0.6)
+    track_gauge_m: float = _parameter(0.8, 'Distance between the two wheel tracks (m).', 0.1, 5.0)
+    track_left_m: float = _parameter(
+        0.0, 'Distance of the middle of the tracks to the left (m).', -20.0, 20.0
+    )
+    track_turn_deg: float = _parameter(
+        0.0, 'Direction of the tracks: 0 ahead, 90 left (deg).', -180.0, 180.0
+    )
 
 
 @dataclass(frozen=True)
@@ -94,6 +132,10 @@ class RockParameters(_Checked):
         0.24, 'Smallest diameter of placed rocks (m).', 0.02, 5.0
     )
     placed_largest_m: float = _parameter(0.5, 'Largest diameter of placed rocks (m).', 0.02, 5.0)
+    angular: float = _parameter(0.0, 'Fraction of rocks with few, flat, sharp faces.', 0.0, 1.0)
+    slabs: float = _parameter(0.0, 'Fraction of rocks that are thin upright plates.', 0.0, 1.0)
+    tone: float = _parameter(1.0, 'Reflectance of rocks relative to the default.', 0.1, 3.0)
+    dust: float = _parameter(1.0, 'Dust on rocks relative to the default.', 0.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -103,6 +145,10 @@ class SoilParameters(_Checked):
     world: str = _parameter('mars', 'Colours of soil, rocks and sky.', choices=('mars', 'moon'))
     contrast: float = _parameter(1.0, 'Soil texture: 1 strong, 0.1 almost none.', 0.0, 2.0)
     grain_m: float = _parameter(0.0006, 'RMS height of grain, for shading only (m).', 0.0, 0.005)
+    patch_cover: float = _parameter(
+        0.0, 'Fraction of the ground in sharp-edged patches of another tone.', 0.0, 1.0
+    )
+    patch_tone: float = _parameter(0.45, 'Reflectance of patches over other soil.', 0.1, 3.0)
 
 
 @dataclass(frozen=True)
@@ -127,6 +173,11 @@ class LightParameters(_Checked):
     haze_m: float = _parameter(
         900.0, 'Distance at which haze cuts contrast to 1/e (m).', 10.0, 1e6
     )
+    shade_m: float = _parameter(
+        0.0, 'Diameter of a shadow cast from outside the view (m); 0: none.', 0.0, 50.0
+    )
+    shade_ahead_m: float = _parameter(2.0, 'Distance ahead of its centre (m).', -100.0, 100.0)
+    shade_left_m: float = _parameter(0.0, 'Distance of its centre to the left (m).', -100.0, 100.0)
 
 
 @dataclass(frozen=True)
@@ -142,13 +193,27 @@ class SensorParameters(_Checked):
     vignetting: float = _parameter(0.25, 'Fraction of light lost in the image corners.', 0.0, 1.0)
     exposure: float = _parameter(1.0, 'Exposure relative to the automatic exposure.', 0.01, 20.0)
     right_gain: float = _parameter(1.0, 'Exposure of the right image over the left.', 0.1, 10.0)
+    right_blur_px: float = _parameter(
+        0.0, 'Additional lens blur of the right image (px).', 0.0, 10.0
+    )
     full_well: float = _parameter(12000.0, 'Electrons at full scale, for shot noise.', 50.0, 1e6)
     read_noise: float = _parameter(10.0, 'Read noise (electrons).', 0.0, 1000.0)
     glare: float = _parameter(0.0, 'Stray light, as a fraction of the mean light.', 0.0, 2.0)
     dust_spots: int = _parameter(0, 'Dust spots on each lens.', 0, 500)
     row_error_px: float = _parameter(0.0, 'Upward offset of the right image (px).', -5.0, 5.0)
     roll_error_deg: float = _parameter(0.0, 'Roll of the right image (deg).', -2.0, 2.0)
+    gamma: float = _parameter(2.2, 'Exponent of the tone curve; 1: linear.', 1.0, 4.0)
+    sharpening: float = _parameter(0.0, 'Strength of sharpening in the camera.', 0.0, 5.0)
+    jpeg_quality: int = _parameter(
+        0, 'Quality of JPEG compression, 1 to 100, of 8-bit images; 0: none.', 0, 100
+    )
     samples: int = _parameter(16, 'Light paths per pixel, a square number.', 1, 1024)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.jpeg_quality and self.bits > 8:
+            msg = f'jpeg_quality is {self.jpeg_quality}: expected 0 for {self.bits} bits'
+            raise ConfigurationError(msg)
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,18 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.simulation import labels as labelling
 from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.description import Scene
-from rover_obstacle_detection.simulation.ground_mesh import fan, fan_mesh, surrounding_mesh
+from rover_obstacle_detection.simulation.ground_mesh import (
+    GroundMesh,
+    fan,
+    fan_mesh,
+    surrounding_mesh,
+)
 from rover_obstacle_detection.simulation.poses import CameraPose, drive, right_of
 from rover_obstacle_detection.simulation.renderer import Hits, Renderer, load_mitsuba
 from rover_obstacle_detection.simulation.rock_shapes import RockMaker, RockMesh
 from rover_obstacle_detection.simulation.rocks import scatter
 from rover_obstacle_detection.simulation.sensor import automatic_exposure, develop
+from rover_obstacle_detection.simulation.shade import shade_mesh
 from rover_obstacle_detection.simulation.sky import make_light, through_haze
 from rover_obstacle_detection.simulation.soil import PALETTES, Soil
 from rover_obstacle_detection.simulation.terrain import Terrain
@@ -76,10 +82,12 @@ class SceneWorld:
         self.terrain = Terrain(scene.terrain, scene.seed)
         self.poses = drive(self.terrain.height, self.rig, scene.drive)
         self.rocks = scatter(scene.rocks, self.rig, self.camera, self.poses, scene.seed)
+        if self.terrain.landforms.present:
+            self.rocks = self.rocks.away_from_edges(self.terrain.landforms.height)
         self.terrain.heap(self.rocks.aprons(self.poses))
         self.soil = Soil(scene.soil, scene.seed)
         self.palette = PALETTES[scene.soil.world]
-        self.rock_maker = RockMaker(scene.seed, self.palette.rocks)
+        self.rock_maker = RockMaker(scene.seed, self.palette.rocks, scene.rocks)
         self.light = make_light(scene.light, scene.soil.world)
 
     def rock_mesh(self, pose: CameraPose) -> RockMesh:
@@ -97,7 +105,7 @@ class SceneWorld:
 
     def renderer(self, pose: CameraPose, rocks: RockMesh) -> Renderer:
         """Build the renderer of one pose."""
-        places = fan(self.rig, self.camera, pose)
+        places = fan(self.rig, self.camera, pose, self.terrain.landforms)
         texture = self.soil.texture(places.refined(_TEXELS_PER_CELL), self.terrain)
         cosine, sine = np.cos(pose.heading_rad), np.sin(pose.heading_rad)
         x0, y0 = pose.ground_below
@@ -109,7 +117,14 @@ class SceneWorld:
             rocks,
             self.light,
             self.palette.soil,
+            self._shade(),
         )
+
+    def _shade(self) -> GroundMesh | None:
+        light = self.scene.light
+        place = np.array([[light.shade_ahead_m], [light.shade_left_m]], np.float32)
+        ground_m = float(self.terrain.height(*place)[0])
+        return shade_mesh(light, self.light.sun_direction, ground_m, self.scene.seed)
 
     def label(self, hits: Hits, pose: CameraPose, rocks: RockMesh) -> NDArray[np.uint8]:
         """Label the pixels of the left image."""
@@ -222,5 +237,6 @@ def _image(
         exposure,
         np.random.default_rng([world.scene.seed, streams.SENSOR, *stream]),
         gain=sensor.right_gain if stream[1] else 1.0,
+        blur_px=sensor.right_blur_px if stream[1] else 0.0,
         colour=world.rig.colour and sensor.bits == 8,
     )

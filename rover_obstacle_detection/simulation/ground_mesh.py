@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.simulation.landforms import Landforms, follow_steps
 from rover_obstacle_detection.simulation.poses import CameraPose, HeightFunction
 from rover_obstacle_detection.simulation.rigs import Rig
 
@@ -25,6 +27,8 @@ _VIEW_MARGIN = 1.3
 """Width of the fine columns relative to the view, to include the right camera's view."""
 _LONGEST_CELL = 6.0
 """Longest cell relative to its width. Far ground is foreshortened, so its cells are long."""
+_STEPS_REACH_M = 40.0
+"""Steps farther away need no finer cells."""
 _COARSE_CELL_M = 0.15
 _COARSE_REACH_M = 30.0
 _COARSE_OVERLAP_M = 0.3
@@ -102,30 +106,57 @@ class Fan:
         )
 
 
-def fan(rig: Rig, camera: StereoCamera, pose: CameraPose) -> Fan:
-    """Lay out the grid for a view of level ground, with margin for relief and both cameras."""
+def fan(
+    rig: Rig, camera: StereoCamera, pose: CameraPose, landforms: Landforms | None = None
+) -> Fan:
+    """Lay out the grid for a view of level ground, with margin for relief and both cameras.
+
+    With `landforms`, the grid is also fine on the faces of steps and on lower ground beyond.
+    """
     pitch, height_m = math.radians(rig.pitch_deg), rig.camera_height_m
     half_view = math.atan((camera.height - 1) / 2 / camera.fy)
     steepest = min(pitch + half_view + math.radians(10), math.radians(88))
     nearest = height_m / math.tan(steepest) - 0.1
     # The columns meet where the image plane cuts the ground, behind the camera.
     nearest = max(nearest, -0.8 * height_m * math.tan(pitch))
-    ahead = _row_distances(nearest, pitch, height_m, camera.fx)
-    depth = ahead * math.cos(pitch) + height_m * math.sin(pitch)
+    above_m = _height_above(rig, camera, pose, landforms)
+    ahead = _row_distances(nearest, pitch, above_m, camera.fx)
+    above = np.array([above_m(distance) for distance in ahead])
+    depth = ahead * math.cos(pitch) + above * math.sin(pitch)
     half = _VIEW_MARGIN * camera.width / 2 / camera.fx
     inner = np.linspace(-half, half, 2 * math.ceil(half * camera.fx / _CELL_PX) + 1)
     growth = (inner[1] - inner[0]) * np.cumsum(_SIDE_GROWTH ** np.arange(1, _SIDE_COLUMNS + 1))
     tangent = np.concatenate([-(half + growth)[::-1], inner, half + growth])
     left = tangent[np.newaxis] * depth[:, np.newaxis]
     cell_m = (inner[1] - inner[0]) * depth
-    return Fan(*_to_world(ahead, left, pose), cell_m.astype(np.float32))
+    places = Fan(*_to_world(ahead, left, pose), cell_m.astype(np.float32))
+    if landforms is None or not landforms.has_steps:
+        return places
+    return Fan(*follow_steps(places.x_m, places.y_m, places.cell_m, landforms))
+
+
+def _height_above(
+    rig: Rig, camera: StereoCamera, pose: CameraPose, landforms: Landforms | None
+) -> Callable[[float], float]:
+    """Return the camera's height above the lowest ground in view, by distance ahead."""
+    if landforms is None or not landforms.has_steps:
+        return lambda ahead_m: rig.camera_height_m
+    ahead = np.arange(-2.0, _STEPS_REACH_M, 0.1)
+    aside = _VIEW_MARGIN * camera.width / 2 / camera.fx * np.linspace(-1, 1, 41)
+    left = aside * np.maximum(ahead, 0.5)[:, np.newaxis]
+    lowest = np.minimum(landforms.step_height(*_to_world(ahead, left, pose)).min(1), 0)
+    # A sudden change would shear the cells.
+    reach = np.ones(11) / 11
+    lowest = np.convolve(np.pad(lowest, 5, mode='edge'), reach, 'valid')
+    return lambda ahead_m: rig.camera_height_m - float(np.interp(ahead_m, ahead, lowest))
 
 
 def _row_distances(
-    nearest_m: float, pitch_rad: float, height_m: float, focal_px: float
+    nearest_m: float, pitch_rad: float, above_m: Callable[[float], float], focal_px: float
 ) -> NDArray[np.float64]:
     rows = [nearest_m]
     while rows[-1] < _FARTHEST_M:
+        height_m = above_m(rows[-1])
         depth = rows[-1] * math.cos(pitch_rad) + height_m * math.sin(pitch_rad)
         cell = max(_CELL_PX * depth / focal_px, _FINEST_M)
         elongation = rows[-1] / (7 * height_m)

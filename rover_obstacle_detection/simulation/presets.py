@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.simulation.description import Scene
+from rover_obstacle_detection.simulation.hazard_presets import HAZARD_PRESETS
+from rover_obstacle_detection.simulation.preset import Changes, Preset, for_any_rig
 from rover_obstacle_detection.simulation.rigs import RIGS, Rig
 
 
-@dataclass(frozen=True)
-class Preset:
-    """A named condition.
-
-    Parameters
-    ----------
-    description : str
-    changes : callable
-        Takes the rig, which determines where objects are in view; returns nested parameters.
-    """
-
-    description: str
-    changes: Callable[[Rig], Mapping[str, Any]]
-
-
-def _for_any_rig(**changes: Any) -> Callable[[Rig], Mapping[str, Any]]:
-    return lambda rig: changes
-
-
-def _slope(slope_deg: float) -> Callable[[Rig], Mapping[str, Any]]:
+def _slope(slope_deg: float) -> Changes:
     return lambda rig: {
         'terrain': {
             'slope_deg': slope_deg,
@@ -61,24 +43,24 @@ def _crater(rig: Rig) -> Mapping[str, Any]:
 
 
 PRESETS: Mapping[str, Preset] = {
-    'noon': Preset('high sun, rocks on gentle relief', _for_any_rig()),
+    'noon': Preset('high sun, rocks on gentle relief', for_any_rig()),
     'low_sun_towards': Preset(
         'sun 8 degrees high, ahead: shadows towards the rover',
-        _for_any_rig(
+        for_any_rig(
             light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 12.0}, sensor={'glare': 0.08}
         ),
     ),
     'low_sun_across': Preset(
         'sun 9 degrees high, left: long shadows across the view',
-        _for_any_rig(light={'sun_elevation_deg': 9.0, 'sun_azimuth_deg': 85.0}),
+        for_any_rig(light={'sun_elevation_deg': 9.0, 'sun_azimuth_deg': 85.0}),
     ),
     'low_sun_away': Preset(
         'sun 8 degrees high, behind: flat light, few visible shadows',
-        _for_any_rig(light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 160.0}),
+        for_any_rig(light={'sun_elevation_deg': 8.0, 'sun_azimuth_deg': 160.0}),
     ),
     'moon': Preset(
         'no atmosphere: black sky, black shadows, grey soil',
-        _for_any_rig(
+        for_any_rig(
             soil={'world': 'moon'},
             light={'sun_elevation_deg': 12.0, 'sun_azimuth_deg': 110.0},
             rocks={'placed': 9},
@@ -92,7 +74,7 @@ PRESETS: Mapping[str, Preset] = {
     'crater': Preset('small craters: steep walls and a drop', _crater),
     'dunes': Preset(
         'low dunes with wind ripples',
-        _for_any_rig(
+        for_any_rig(
             terrain={
                 'dune_height_m': 0.28,
                 'dune_length_m': 8.0,
@@ -107,11 +89,11 @@ PRESETS: Mapping[str, Preset] = {
     ),
     'dense_rocks': Preset(
         'rocks on a third of the ground',
-        _for_any_rig(rocks={'cover': 0.33, 'pebble_cover': 0.03, 'placed': 14}),
+        for_any_rig(rocks={'cover': 0.33, 'pebble_cover': 0.03, 'placed': 14}),
     ),
     'pebbles': Preset(
         'many pebbles, none an obstacle',
-        _for_any_rig(
+        for_any_rig(
             rocks={
                 'cover': 0.15,
                 'largest_m': 0.08,
@@ -124,7 +106,7 @@ PRESETS: Mapping[str, Preset] = {
     ),
     'low_texture': Preset(
         'fine sand with almost no texture',
-        _for_any_rig(
+        for_any_rig(
             soil={'contrast': 0.12, 'grain_m': 0.0001},
             terrain={'clods_m': 0.0004, 'roughness_m': 0.003},
             rocks={'cover': 0.02},
@@ -132,33 +114,34 @@ PRESETS: Mapping[str, Preset] = {
     ),
     'dark_noisy': Preset(
         'dim light and a noisy sensor',
-        _for_any_rig(
+        for_any_rig(
             light={'sun_elevation_deg': 15.0, 'sun_azimuth_deg': 60.0},
             sensor={'exposure': 0.3, 'full_well': 1500.0, 'read_noise': 12.0},
         ),
     ),
     'over_exposed': Preset(
-        'exposure too long: bright ground saturates', _for_any_rig(sensor={'exposure': 2.6})
+        'exposure too long: bright ground saturates', for_any_rig(sensor={'exposure': 2.6})
     ),
     'exposure_mismatch': Preset(
-        'right image exposed a third less than the left', _for_any_rig(sensor={'right_gain': 0.65})
+        'right image exposed a third less than the left', for_any_rig(sensor={'right_gain': 0.65})
     ),
     'rectification_off': Preset(
         'right image 0.5 px too high and rolled 0.03 degrees',
-        _for_any_rig(sensor={'row_error_px': 0.5, 'roll_error_deg': 0.03}),
+        for_any_rig(sensor={'row_error_px': 0.5, 'roll_error_deg': 0.03}),
     ),
     'motion_blur': Preset(
         'five pixels of motion blur',
-        _for_any_rig(sensor={'motion_blur_px': 5.0, 'motion_blur_deg': 75.0}),
+        for_any_rig(sensor={'motion_blur_px': 5.0, 'motion_blur_deg': 75.0}),
     ),
-    'dust_spots': Preset('dust on both lenses', _for_any_rig(sensor={'dust_spots': 45})),
+    'dust_spots': Preset('dust on both lenses', for_any_rig(sensor={'dust_spots': 45})),
     'empty_flat': Preset(
         'flat ground without rocks',
-        _for_any_rig(
+        for_any_rig(
             terrain={'relief_m': 0.004, 'hills_m': 1.0},
             rocks={'cover': 0.02, 'largest_m': 0.03, 'placed': 0},
         ),
     ),
+    **HAZARD_PRESETS,
 }
 
 

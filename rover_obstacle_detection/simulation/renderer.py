@@ -111,6 +111,8 @@ class Renderer:
     light : Light
     plain_soil : ndarray of float32, shape (3,)
         Linear RGB reflectance of the surroundings.
+    shade : GroundMesh or None
+        Casts a shadow into the view from outside it.
 
     Raises
     ------
@@ -126,6 +128,7 @@ class Renderer:
         rocks: RockMesh,
         light: Light,
         plain_soil: Floats,
+        shade: GroundMesh | None = None,
     ) -> None:
         self._mitsuba = mi = load_mitsuba()
         self._drjit = importlib.import_module('drjit')
@@ -134,14 +137,14 @@ class Renderer:
             'type': 'scene',
             'ground': self._ground_mesh('ground', ground, self._soil_material(soil)),
             'surroundings': self._ground_mesh(
-                'surroundings',
-                surroundings,
-                {'type': 'diffuse', 'reflectance': {'type': 'rgb', 'value': plain_soil.tolist()}},
+                'surroundings', surroundings, _plain(plain_soil.tolist())
             ),
             **self._lights(light),
         }
         if len(rocks.faces):
             objects['rocks'] = self._rock_mesh(rocks)
+        if shade is not None:
+            objects['shade'] = self._ground_mesh('shade', shade, _plain([0.05] * 3))
         self._scene = mi.load_dict(objects)
         self._shapes = {shape.id(): shape for shape in self._scene.shapes()}
         self._integrator = mi.load_dict({'type': 'path', 'max_depth': _PATH_DEPTH})
@@ -314,6 +317,10 @@ class Renderer:
                 'to_world': mi.ScalarTransform4f(_ENVIRONMENT_TO_WORLD),
             }
         return lights
+
+
+def _plain(reflectance: list[float]) -> dict[str, Any]:
+    return {'type': 'diffuse', 'reflectance': {'type': 'rgb', 'value': reflectance}}
 
 
 def _vertex_normals(vertices: Floats, faces: NDArray[np.uint32]) -> Floats:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.simulation import streams
+from rover_obstacle_detection.simulation.description import RockParameters
 from rover_obstacle_detection.simulation.noise import solid_noise
 from rover_obstacle_detection.simulation.rocks import RockField
 
@@ -21,6 +22,11 @@ _FINEST = 7
 _SHARED_SHAPES = 96
 _OWN_SHAPE_M = 0.10
 """Smaller rocks share shapes, rotated and stretched differently, to save time."""
+_SLAB_AXES = (1.0, 0.38, 0.92)
+_SLAB_FLAT = 0.4
+"""Half the thickness of slabs before they are scaled along the axes."""
+_ANGULAR_WEAR, _ANGULAR_DEEPER = 0.006, 0.16
+"""Radius of edges, and how much closer to the centre the faces are, of angular rocks."""
 _VERTICES_AT_ONCE = 400_000
 """Bounds the memory of one batch of rocks."""
 
@@ -102,12 +108,17 @@ class RockMaker:
     ----------
     seed : int
     tones : RockTones
+    parameters : RockParameters
+        Kinds of shapes, tone and dust.
     """
 
-    def __init__(self, seed: int, tones: RockTones) -> None:
+    def __init__(
+        self, seed: int, tones: RockTones, parameters: RockParameters | None = None
+    ) -> None:
         rng = np.random.default_rng([seed, streams.ROCK_TEXTURE])
         self._seed = seed
         self._tones = tones
+        self._parameters = RockParameters() if parameters is None else parameters
         self._shape_noise = solid_noise(rng, 1.7)
         self._skin_noise = solid_noise(rng, 1.3)
         self._tone_noise = solid_noise(rng, 0.8)
@@ -179,6 +190,8 @@ class RockMaker:
         axes = np.stack(
             [np.ones(number), 0.68 + 0.3 * draws[:, 0], 0.5 + 0.38 * draws[:, 1]], axis=1
         )
+        slab = np.array([self._is_slab(int(shape)) for shape in shapes], bool)
+        axes[slab] = np.array(_SLAB_AXES)
         turned = np.einsum('kvi,kij->kvj', bodies * axes[:, np.newaxis], _attitudes(draws))
         half = 0.5 * field.diameter_m[rocks]
         points = turned * half[:, np.newaxis, np.newaxis]
@@ -217,8 +230,13 @@ class RockMaker:
         dusty = np.clip(above - 0.55 + 0.15 * mottle, 0, 1) * 0.5
         dusty += np.clip(0.22 - above + 0.06 * mottle, 0, 0.25) * 2.0
         strength = (tones.dust_strength * (0.4 + draws[:, 0]))[:, np.newaxis]
-        dusty = np.clip(dusty * strength, 0, 0.85)[..., np.newaxis]
-        return np.asarray(colour * (1 - dusty) + tones.dust * dusty, np.float32)
+        dusty = np.clip(dusty * strength * self._parameters.dust, 0, 0.85)[..., np.newaxis]
+        colour = colour * (1 - dusty) + tones.dust * dusty
+        return np.asarray(colour * np.float32(self._parameters.tone), np.float32)
+
+    def _is_slab(self, shape: int) -> bool:
+        # Small rocks share shapes; none of these is a slab.
+        return shape >= _SHARED_SHAPES and _chance(shape, 0) < self._parameters.slabs
 
     def _body(self, shape: int, sphere: Floats, level: int) -> Floats:
         """Return a rock of about unit radius from the vertices of a sphere, shape (v, 3)."""
@@ -226,16 +244,25 @@ class RockMaker:
         radius = np.ones(len(sphere), np.float32)
         rounded = rng.uniform()
         wear = 0.015 + 0.06 * rounded
-        for _ in range(int(rng.integers(9, 20))):
+        angular = _chance(shape, 1) < self._parameters.angular
+        if angular:
+            rounded, wear = 0.0, _ANGULAR_WEAR
+        cuts = int(rng.integers(9, 20))
+        for _ in range(cuts // 2 + 4 if angular else cuts):
             normal = rng.standard_normal(3)
             normal /= np.linalg.norm(normal)
             distance = rng.uniform(0.52, 0.88) + 0.14 * rounded
+            if angular:
+                distance -= _ANGULAR_DEEPER
             cosine = sphere @ normal.astype(np.float32)
             cut = np.where(cosine > 0.2, distance / np.maximum(cosine, 0.2), 3.0)
             # A smooth minimum rounds the edges.
             blend = np.clip(0.5 + 0.5 * (cut - radius) / wear, 0, 1)
             radius = cut * (1 - blend) + radius * blend - wear * blend * (1 - blend)
             radius = radius.astype(np.float32)
+        if self._is_slab(shape):
+            flat = _SLAB_FLAT / np.maximum(np.abs(sphere[:, 1]), 1e-3)
+            radius = np.minimum(radius, flat).astype(np.float32)
         offset = rng.uniform(0, 1, 3).astype(np.float32)
         radius += 0.045 * self._shape_noise.read(sphere * np.float32(0.22) + offset)
         if level > 1:
@@ -243,6 +270,11 @@ class RockMaker:
             place = sphere * (0.5 * radius[:, np.newaxis]) + offset
             radius += skin * self._skin_noise.read(place.astype(np.float32))
         return np.asarray(sphere * radius[:, np.newaxis], np.float32)
+
+
+def _chance(shape: int, purpose: int) -> float:
+    """Return a number from 0 to 1 that depends on the shape only, not on a random stream."""
+    return (shape * 2654435761 + purpose * 40503 * 65536) % 2**32 / 2**32
 
 
 def _attitudes(draws: NDArray[np.float64]) -> NDArray[np.float64]:

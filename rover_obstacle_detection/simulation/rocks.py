@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.description import RockParameters
-from rover_obstacle_detection.simulation.poses import CameraPose
+from rover_obstacle_detection.simulation.poses import CameraPose, HeightFunction
 from rover_obstacle_detection.simulation.rigs import Rig
 from rover_obstacle_detection.simulation.terrain import Apron
 
@@ -27,6 +27,10 @@ _PEBBLES_M = (0.01, 0.05)
 _APRON_REACH_M = 12.0
 _APRON_SMALLEST_M = 0.06
 """Smaller rocks get no soil heaped against them."""
+_UNEVEN = 0.5
+"""Greatest difference of the ground below a rock, relative to its diameter."""
+_BRIM_M, _BRIM_RISE_M = 0.15, 0.03
+"""No rock lies where the ground is this much higher than around it, on average."""
 _OVERLAP = 0.42
 """Smallest distance of two rocks, relative to the sum of their diameters."""
 _OVERLAP_SMALLEST_M = 0.05
@@ -65,6 +69,33 @@ class RockField:
             Apron(float(x), float(y), float(0.62 * d), float(0.045 * d))
             for x, y, d in zip(self.x_m[near], self.y_m[near], self.diameter_m[near], strict=True)
         ]
+
+    def away_from_edges(self, height: HeightFunction) -> RockField:
+        """Return the rocks without those that lie across an edge or at a brim.
+
+        Even pebbles at a brim stand high above the local ground, which is low-passed.
+
+        Parameters
+        ----------
+        height : callable
+            Returns the height (m) of landforms with edges at positions x, y.
+        """
+        own = height(self.x_m.astype(np.float32), self.y_m.astype(np.float32))
+        keep = np.ones(len(self), bool)
+        for reach in (0.5 * self.diameter_m, _BRIM_M):
+            around = np.stack(
+                [
+                    height(
+                        (self.x_m + reach * math.cos(turn)).astype(np.float32),
+                        (self.y_m + reach * math.sin(turn)).astype(np.float32),
+                    )
+                    for turn in np.arange(8) * math.pi / 4
+                ]
+            )
+            keep &= own - around.mean(0) < _BRIM_RISE_M
+            if reach is not _BRIM_M:
+                keep &= np.ptp(around, axis=0) < _UNEVEN * self.diameter_m + _BRIM_RISE_M
+        return RockField(self.x_m[keep], self.y_m[keep], self.diameter_m[keep], self.seed[keep])
 
 
 def cover_exponent(cover: float) -> float:

@@ -12,9 +12,10 @@ from rover_obstacle_detection.simulation.description import SensorParameters
 
 Floats = NDArray[np.float32]
 
-_GAMMA = 1 / 2.2
 _BRIGHT_LEVEL = 0.42
 """Automatic exposure maps the 95th percentile of the ground to this fraction of full scale."""
+_SHARPENING_PX = 1.0
+"""Standard deviation of the blur that sharpening subtracts."""
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Weights of linear RGB (ITU-R BT.709)."""
 
@@ -41,6 +42,7 @@ def develop(
     rng: np.random.Generator,
     *,
     gain: float = 1.0,
+    blur_px: float = 0.0,
     colour: bool = False,
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Turn light into an image.
@@ -56,6 +58,8 @@ def develop(
         Source of noise and dust. Each camera needs its own.
     gain : float
         Additional gain of this camera.
+    blur_px : float
+        Additional blur of this camera's lens (standard deviation).
     colour : bool
         Whether to return RGB instead of luminance.
 
@@ -65,18 +69,41 @@ def develop(
         Shape (height, width), or (height, width, 3) in colour.
     """
     light = radiance if colour else (radiance @ _LUMINANCE)[..., np.newaxis]
+    if blur_px:
+        light = _blurred(light, blur_px)
     light = _through_lens(light, parameters, rng)
     signal = light * np.float32(exposure * parameters.exposure * gain)
     electrons = np.maximum(signal, 0) * parameters.full_well
     noise = rng.standard_normal(electrons.shape, np.float32)
     noisy = electrons + noise * np.sqrt(electrons + parameters.read_noise**2)
     # The sensor saturates before gamma is applied.
-    level = np.clip(noisy / parameters.full_well, 0, 1) ** np.float32(_GAMMA)
+    level = np.clip(noisy / parameters.full_well, 0, 1) ** np.float32(1 / parameters.gamma)
+    if parameters.sharpening:
+        sharper = level + np.float32(parameters.sharpening) * (
+            level - _blurred(level, _SHARPENING_PX)
+        )
+        level = np.clip(sharper, 0, 1)
     top = (1 << parameters.bits) - 1
     kind = np.uint8 if parameters.bits == 8 else np.uint16
     image = np.rint(level * top).astype(kind)
     picture: NDArray[np.uint8] | NDArray[np.uint16] = image if colour else image[..., 0]
-    return picture
+    return _compressed(picture, parameters.jpeg_quality) if parameters.jpeg_quality else picture
+
+
+def _blurred(light: Floats, sigma_px: float) -> Floats:
+    blurred = cv2.GaussianBlur(light, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(blurred.reshape(light.shape), np.float32)
+
+
+def _compressed(image: NDArray[np.uint8] | NDArray[np.uint16], quality: int) -> NDArray[np.uint8]:
+    """Compress and decompress an 8-bit grey or RGB image."""
+    colour = image.ndim == 3
+    ordered = image[..., ::-1] if colour else image
+    _, data = cv2.imencode('.jpg', ordered.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    decoded = cv2.imdecode(data, cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)
+    if decoded is None:
+        raise AssertionError('OpenCV cannot read the JPEG image it wrote')
+    return np.ascontiguousarray(decoded[..., ::-1] if colour else decoded, np.uint8)
 
 
 def _through_lens(light: Floats, parameters: SensorParameters, rng: np.random.Generator) -> Floats:
@@ -87,10 +114,7 @@ def _through_lens(light: Floats, parameters: SensorParameters, rng: np.random.Ge
         blurred = cv2.filter2D(light, -1, kernel, borderType=cv2.BORDER_REPLICATE)
         light = blurred.reshape(light.shape).astype(np.float32)
     if parameters.blur_px:
-        blurred = cv2.GaussianBlur(
-            light, (0, 0), parameters.blur_px, borderType=cv2.BORDER_REPLICATE
-        )
-        light = blurred.reshape(light.shape).astype(np.float32)
+        light = _blurred(light, parameters.blur_px)
     y = (np.arange(height, dtype=np.float32) - (height - 1) / 2)[:, np.newaxis]
     x = (np.arange(width, dtype=np.float32) - (width - 1) / 2)[np.newaxis]
     square = (x * x + y * y) / ((width * width + height * height) / 4)

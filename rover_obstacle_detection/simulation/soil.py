@@ -17,12 +17,17 @@ from rover_obstacle_detection.simulation.terrain import Terrain
 Floats = NDArray[np.float32]
 
 
+_ALONG_FACES = tuple(np.array([(1.0, 0.5), (0.5, -1.0), (-0.8, 0.7)], np.float32))
+"""Shift of the texture along x and y per metre of height, for each scale of texture."""
+
+
 @dataclass(frozen=True)
 class Palette:
     """Linear RGB reflectances of one world."""
 
     soil: Floats
     dark_soil: Floats
+    bedrock: Floats
     rocks: RockTones
 
 
@@ -34,6 +39,7 @@ PALETTES = {
     'mars': Palette(
         soil=_rgb(0.36, 0.225, 0.13),
         dark_soil=_rgb(0.22, 0.155, 0.105),
+        bedrock=_rgb(0.25, 0.18, 0.125),
         rocks=RockTones(
             tones=_rgb(
                 (0.17, 0.14, 0.12),
@@ -50,6 +56,7 @@ PALETTES = {
     'moon': Palette(
         soil=_rgb(0.135, 0.13, 0.12),
         dark_soil=_rgb(0.095, 0.092, 0.088),
+        bedrock=_rgb(0.15, 0.147, 0.14),
         rocks=RockTones(
             tones=_rgb(
                 (0.13, 0.127, 0.123),
@@ -96,6 +103,10 @@ class Soil:
         self._mottle = fractal_tile(rng, 5.3, 0.7, 0.04, 1.3)
         self._crumb = fractal_tile(rng, 1.31, 0.09, 0.008, 1.0)
         self._grain = fractal_tile(rng, 0.61, 0.02, 0.0018, 0.5)
+        rng = np.random.default_rng([seed, streams.SOIL_PATCHES])
+        self._stains = fractal_tile(rng, 9.0, 1.6, 0.06, 1.9)
+        # Patches cover the highest values of the noise.
+        self._stain_level = float(np.quantile(self._stains.values, 1 - parameters.patch_cover))
 
     def texture(self, texels: Fan, terrain: Terrain) -> SoilTexture:
         """Return the texture of the texels of a fan."""
@@ -103,9 +114,16 @@ class Soil:
         palette = PALETTES[p.world]
         x, y, texel = texels.x_m, texels.y_m, texels.cell_m
         patch = self._patch.linear(x, y)
-        mottle = _faded(self._mottle, 0.15, x, y, texel)
-        crumb = _faded(self._crumb, 0.03, x, y, texel)
-        grain = _faded(self._grain, 0.005, x, y, texel)
+        place = [(x, y)] * 3
+        landforms = terrain.landforms
+        z = landforms.height(x, y) if landforms.present else None
+        if z is not None:
+            # Seen from above, a steep face has no area: its height moves the texture along. Each
+            # tile moves in another direction, since none suits faces of all directions.
+            place = [((x + a * z), (y + b * z)) for a, b in _ALONG_FACES]
+        mottle = _faded(self._mottle, 0.15, *place[0], texel)
+        crumb = _faded(self._crumb, 0.03, *place[1], texel)
+        grain = _faded(self._grain, 0.005, *place[2], texel)
         cloddy = terrain.cloddiness(x, y)
         # Single dark grains make the surface look like sand.
         specks = np.maximum(grain - 1.3, 0) * (0.5 + 0.5 * cloddy)
@@ -113,6 +131,17 @@ class Soil:
         tone = np.exp(p.contrast * (tone - 0.25 * specks))
         mix = np.clip(0.35 + 0.3 * patch + 0.12 * mottle, 0, 1) * min(p.contrast, 1.0)
         colour = palette.soil + (palette.dark_soil - palette.soil) * mix[..., np.newaxis]
+        if z is not None:
+            rock = landforms.bedrock(x, y)[..., np.newaxis]
+            # Layers a few centimetres thick differ in tone.
+            strata = self._mottle.linear((x / 9).astype(np.float32), (3 * z).astype(np.float32))
+            strata = np.exp(0.16 * p.contrast * strata)
+            colour = colour + (palette.bedrock * strata[..., np.newaxis] - colour) * rock
+        if p.patch_cover:
+            # Patches have sharp but irregular outlines.
+            stain = self._stains.linear(x, y) + 0.15 * mottle - self._stain_level
+            stained = np.clip(stain / 0.08 + 0.5, 0, 1)[..., np.newaxis]
+            colour = colour * (1 + (p.patch_tone - 1) * stained)
         reflectance = np.clip(colour * tone[..., np.newaxis], 0.01, 0.9)
         relief = p.grain_m * (1.6 * crumb * cloddy + 0.55 * grain)
         return SoilTexture(reflectance.astype(np.float32), relief.astype(np.float32))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.simulation import streams
 from rover_obstacle_detection.simulation.description import Crater, TerrainParameters
+from rover_obstacle_detection.simulation.landforms import Landforms
 from rover_obstacle_detection.simulation.noise import Tile, fractal_tile
 
 Floats = NDArray[np.float32]
@@ -51,6 +52,7 @@ class Terrain:
         self._warp = fractal_tile(rng, 53.0, 12.0, 1.5, 2.0)
         self._phase = rng.uniform(0, 2 * math.pi, 2)
         self._turn = rng.uniform(-0.6, 0.6, 2)
+        self.landforms = Landforms(parameters, seed)
         self._crater_waves = rng.uniform(0, 2 * math.pi, (max(len(parameters.craters), 1), 4))
         self._offset = np.float32(0)
         self._aprons: _ApronGrid | None = None
@@ -85,6 +87,8 @@ class Terrain:
             height += self._waves(x_m, y_m)
         for crater, waves in zip(p.craters, self._crater_waves, strict=False):
             height += _crater(crater, waves, x_m, y_m)
+        if self.landforms.present:
+            height += self.landforms.height(x_m, y_m)
         if self._aprons is not None:
             height += self._aprons.height(x_m, y_m)
         return height.astype(np.float32)

@@ -27,11 +27,24 @@ def test_script_reproduces_the_suites(suite, prefix):
         assert scene == scene_of(**random_scene(scene.seed, prefix))
 
 
+def test_script_reproduces_the_wide_suite():
+    from draw_scenes import LANDFORM_WEIGHTS, random_wide_scene
+
+    scenes = load_suite('training_wide')
+    assert len(scenes) == 120
+    for scene in scenes[::5]:
+        assert scene == scene_of(**random_wide_scene(scene.seed, 'wide'))
+    names = {name for scene in scenes for name in scene.conditions}
+    assert names >= {*LANDFORM_WEIGHTS} - {''}
+
+
 def test_training_tuning_and_reporting_suites_share_no_seed():
     seeds = [
-        scene.seed for suite in ('training', 'standard', 'drawn') for scene in load_suite(suite)
+        scene.seed
+        for suite in ('training', 'training_wide', 'standard', 'drawn', 'hazards')
+        for scene in load_suite(suite)
     ]
-    assert len(seeds) > 400
+    assert len(seeds) > 550
     assert len(seeds) == len(set(seeds))
 
 

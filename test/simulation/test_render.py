@@ -10,7 +10,14 @@ from rosbags.highlevel import AnyReader
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.simulation.cache import render_bag
 from rover_obstacle_detection.simulation.frames import SceneWorld, render, right_camera
-from rover_obstacle_detection.simulation.labels import DROP, NOT_COUNTED, ROCK, SLOPE, survey
+from rover_obstacle_detection.simulation.labels import (
+    DROP,
+    FREE,
+    NOT_COUNTED,
+    ROCK,
+    SLOPE,
+    survey,
+)
 from rover_obstacle_detection.simulation.presets import scene_of
 from rover_obstacle_detection.simulation.renderer import load_mitsuba
 from rover_obstacle_detection.simulation.rocks import RockField
@@ -222,6 +229,89 @@ def test_shadows_point_away_from_the_sun():
     left, right = columns[rows == row].min(), columns[rows == row].max()
     shadow, sunlit = light[row, right + 2 : right + 5], light[row, left - 4 : left - 1]
     assert shadow.mean() < 0.1 * sunlit.mean()
+
+
+def world_points(view):
+    rays = np.stack(np.broadcast_arrays(*view.camera.rays(), np.float32(1)), axis=2)
+    return view.pose.to_world(rays * view.hits.depth_m[..., np.newaxis])
+
+
+def test_pixels_on_the_walls_and_floor_of_a_trench():
+    scene = scene_of(
+        'x',
+        2,
+        [],
+        'study',
+        {
+            'width': 160,
+            'terrain': {
+                'relief_m': 0,
+                'roughness_m': 0,
+                'steps': [{'ahead_m': 1.0, 'rise_m': -0.4, 'width_m': 0.8, 'waviness_m': 0}],
+            },
+            'rocks': {'cover': 0, 'placed': 0},
+        },
+    )
+    view = View(scene)
+    labels = view.world.label(view.hits, view.pose, view.world.rock_mesh(view.pose))
+    x, _, z = np.moveaxis(world_points(view), 2, 0)
+    wall = (z < -0.05) & (z > -0.35)
+    floor = (x > 1.25) & (x < 1.55) & (z < -0.38)
+    level = (x < 0.7) | (x > 2.1)
+    # The far wall fills more of the image than the horizontal extent of its slope.
+    assert wall.sum() > 500
+    assert floor.sum() > 500
+    assert (labels[wall] == SLOPE).all()
+    assert (labels[floor] == DROP).all()
+    assert (labels[level] == FREE).all()
+    error_px, visible = view.reprojected()
+    assert error_px[visible].mean() < 0.02
+
+
+def test_shade_darkens_the_requested_ground_and_stays_out_of_view():
+    light = {'sun_elevation_deg': 25.0, 'sun_azimuth_deg': 120.0, 'sky': 0.02}
+    shade = {'shade_m': 0.8, 'shade_ahead_m': 1.2, 'shade_left_m': 0.1}
+    flat = {'relief_m': 0, 'roughness_m': 0, 'clods_m': 0}
+    lit, shaded = (
+        View(scene_of('x', 2, [], 'study', {'width': 160, 'terrain': flat, 'light': each}))
+        for each in (light, light | shade)
+    )
+    np.testing.assert_array_equal(shaded.hits.depth_m, lit.hits.depth_m)
+    ratio = shaded.grey('left', 4) / lit.grey('left', 4)
+    x, y, _ = np.moveaxis(world_points(lit), 2, 0)
+    distance = np.hypot(x - 1.2, y - 0.1)
+    ground = lit.hits.instances == 0
+    assert np.median(ratio[ground & (distance < 0.25)]) < 0.2
+    assert np.median(ratio[ground & (distance > 0.6)]) > 0.95
+
+
+def test_slabs_are_thin_and_upright():
+    def extent(slabs):
+        scene = scene_of('x', 2, [], 'vga', {'width': 96, 'rocks': {'slabs': slabs}})
+        world = SceneWorld(scene)
+        world.rocks = RockField(
+            np.full(20, 2.0), np.zeros(20), np.full(20, 0.5), np.arange(200, 220)
+        )
+        mesh = world.rock_mesh(world.poses[0])
+        ratios = []
+        for number in range(1, 21):
+            points = mesh.vertices[mesh.faces[mesh.instance == number].ravel()]
+            points = points - points.mean(0)
+            thickness = np.sqrt(
+                np.linalg.eigvalsh(points[:, :2].T @ points[:, :2] / len(points))[0]
+            )
+            ratios.append(np.ptp(points[:, 2]) / thickness)
+        return np.median(ratios)
+
+    assert extent(1.0) > 2 * extent(0.0)
+
+
+def test_dark_rocks_are_dark():
+    def mean_tone(conditions):
+        world = SceneWorld(scene_of('x', 2, conditions, 'vga', {'width': 96}))
+        return world.rock_mesh(world.poses[0]).colours.mean()
+
+    assert mean_tone(['dark_rocks']) < 0.4 * mean_tone([])
 
 
 def messages(path):

@@ -7,9 +7,17 @@ import pytest
 from rover_obstacle_detection.errors import ConfigurationError, MissingExtraError, OutputError
 from rover_obstacle_detection.simulation import cache, renderer
 from rover_obstacle_detection.simulation.description import Scene, parameters_of
+from rover_obstacle_detection.simulation.hazard_presets import HAZARD_PRESETS
 from rover_obstacle_detection.simulation.presets import PRESETS, scene_of
 from rover_obstacle_detection.simulation.rigs import RIGS
 from rover_obstacle_detection.simulation.suite import load_suite, suite_names
+
+LANDFORMS = {
+    name
+    for name, preset in HAZARD_PRESETS.items()
+    if {'steps', 'layer_m', 'plate_size_m', 'track_depth_m'}
+    & set(preset.changes(RIGS['vga']).get('terrain', {}))
+}
 
 
 @pytest.mark.parametrize('condition', PRESETS)
@@ -109,9 +117,31 @@ def test_standard_suite_covers_all_conditions_and_rigs_without_shared_seeds():
     # Reported figures stay comparable only if these scenes do not change.
     assert len(reporting) == 16
     assert {scene.rig for scene in tuning} == {scene.rig for scene in reporting} == set(RIGS)
-    assert {name for scene in scenes for name in scene.conditions} == set(PRESETS)
+    assert {name for scene in scenes for name in scene.conditions} == set(PRESETS) - set(
+        HAZARD_PRESETS
+    )
     assert len({scene.seed for scene in scenes}) == len(scenes)
     assert 'standard' in suite_names()
+
+
+def test_hazard_suite_covers_all_its_conditions_in_separate_families():
+    scenes = load_suite('hazards')
+    families = {
+        prefix: [scene for scene in scenes if scene.name.startswith(prefix)]
+        for prefix in ('hazard_tune_', 'hazard_report_')
+    }
+    tuning, reporting = families.values()
+    assert len(tuning) + len(reporting) == len(scenes)
+    assert len(reporting) == 14
+    assert {scene.rig for scene in tuning} == {scene.rig for scene in reporting} == set(RIGS)
+    assert {name for scene in scenes for name in scene.conditions} >= set(HAZARD_PRESETS)
+    ground = [
+        {name for scene in family for name in scene.conditions if name in LANDFORMS}
+        for family in (tuning, [*reporting])
+    ]
+    training = {name for scene in load_suite('training_wide') for name in scene.conditions}
+    assert ground[0] >= {'ledge_up', 'ledge_down', 'cliff', 'trench'}
+    assert not ground[1] & (ground[0] | training)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +163,8 @@ def test_invalid_suite_is_refused(tmp_path, text, message):
 
 def test_unknown_suite_is_refused():
     with pytest.raises(
-        ConfigurationError, match="no suite 'standart': expected one of drawn, samples, standard"
+        ConfigurationError,
+        match="no suite 'standart': expected one of drawn, hazards, samples, standard",
     ):
         load_suite('standart')
 

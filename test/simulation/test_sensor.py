@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.simulation.description import LightParameters, SensorParameters
 from rover_obstacle_detection.simulation.sensor import automatic_exposure, develop
 from rover_obstacle_detection.simulation.sky import make_light, through_haze
@@ -155,3 +156,43 @@ def test_haze_affects_distant_surfaces_but_not_the_sky():
     np.testing.assert_allclose(seen[0, 1], horizon * (1 - math.exp(-1)), rtol=1e-4)
     assert seen[0, 0].max() < 0.01 * horizon.max()
     assert (seen[0, 2] == 0).all()
+
+
+def test_gamma_shapes_the_tone_curve():
+    image = image_of(grey(0.25), gamma=1.0)
+    assert image.mean() == pytest.approx(0.25 * 255, abs=0.6)
+
+
+def test_sharpening_overshoots_at_edges():
+    edge = grey(0.2)
+    edge[:, 40:] = 0.5
+    plain, sharp = image_of(edge), image_of(edge, sharpening=1.0)
+    assert sharp[30, 40] > plain[30, 40] + 8
+    assert sharp[30, 39] < plain[30, 39] - 8
+    assert abs(int(sharp[30, 5]) - int(plain[30, 5])) <= 1
+
+
+@pytest.mark.parametrize('colour', [False, True])
+def test_jpeg_changes_texture_but_not_colour(colour):
+    rng = np.random.default_rng(2)
+    texture = rng.uniform(0.1, 0.4, (60, 80, 1)).astype(np.float32) * np.float32([1, 0.6, 0.3])
+    plain, packed = (
+        image_of(texture, colour=colour, jpeg_quality=quality).astype(np.float64)
+        for quality in (0, 60)
+    )
+    assert packed.shape == plain.shape
+    assert np.abs(packed - plain).mean() > 2
+    np.testing.assert_allclose(packed.mean((0, 1)), plain.mean((0, 1)), atol=1.5)
+
+
+def test_jpeg_needs_eight_bits():
+    with pytest.raises(ConfigurationError, match='jpeg_quality is 80: expected 0 for 12 bits'):
+        SensorParameters(jpeg_quality=80, bits=12)
+
+
+def test_additional_blur_of_one_camera():
+    rng = np.random.default_rng(3)
+    texture = np.repeat(rng.uniform(0.1, 0.5, (60, 80, 1)).astype(np.float32), 3, 2)
+    plain = develop(texture, IDEAL, 1.0, np.random.default_rng(1))
+    blurred = develop(texture, IDEAL, 1.0, np.random.default_rng(1), blur_px=1.0)
+    assert blurred.std() < 0.6 * plain.std()
