@@ -164,7 +164,8 @@ def shown_obstacles(detection: Detection) -> tuple[Obstacle, ...]:
 def pixels_by_kind(detection: Detection) -> dict[Kind, NDArray[np.bool_]]:
     """Return the obstacle pixels of each kind that a detection has.
 
-    A pixel with several cues has the kind of the first of `Cue`; one without, that of its obstacle.
+    A pixel with several cues has the kind of the first of `Cue`, and one without that of its
+    obstacle.
     """
     found: dict[Kind, NDArray[np.bool_]] = {}
     left = detection.mask == OBSTACLE

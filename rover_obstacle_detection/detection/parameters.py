@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
+from rover_obstacle_detection.detection.geometry.parameters import (
+    GroundCheckParameters,
+    PlaneFitParameters,
+)
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
 from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.detection.regions.parameters import RegionParameters
@@ -26,6 +29,7 @@ class DetectorParameters:
 
     config: DetectorConfig
     plane_fit: PlaneFitParameters
+    ground_check: GroundCheckParameters
     images: ImageParameters
     rectification: RectificationParameters
     stereo: StereoParameters
@@ -48,6 +52,7 @@ class DetectorParameters:
                 max_roll_deg=c.max_camera_roll,
                 known_height_m=c.camera_height,
             ),
+            ground_check=GroundCheckParameters(max_tilt_deg=c.max_slope),
             images=ImageParameters(),
             rectification=RectificationParameters(),
             stereo=StereoParameters(

@@ -24,7 +24,7 @@ class PlaneFitParameters:
         Share of the points that may lie below the lowest row, so that a few cannot set it.
     nearness_rows : float
         Share of the image's height over which a point's weight falls to 1 / e, from the lowest row
-        upwards, while a plane is chosen. Tuned on the tuning scenes and on walls, edges and streets.
+        upwards, while a plane is chosen. Tuned on the tuning scenes and on walls and edges.
     refined_nearness_rows : float
         The same while the chosen plane is refined: more points make it more precise.
     candidates : int
@@ -110,3 +110,28 @@ class PlaneFitParameters:
     height_spread: float = 0.7
     surprise_weight: float = 0.3
     max_slope_deg: float = 30.0
+
+
+@dataclass(frozen=True)
+class GroundCheckParameters:
+    """When the ground that was found contradicts what is known.
+
+    Parameters
+    ----------
+    max_baseline_m : float
+        No rover has a longer baseline.
+    max_tilt_deg : float
+        Tilt of the ground against a given vertical that is worth a warning. Set by the user: the
+        steepest slope that the rover can climb.
+    max_height_ratio : float
+        Ratio between the measured and the known height of the camera, in either direction.
+        Derived: slopes ahead and relief change the height by a tenth or two.
+    min_usual_height_m, max_usual_height_m : float
+        Heights at which rovers carry their cameras.
+    """
+
+    max_baseline_m: float = 5.0
+    max_tilt_deg: float = 20.0
+    max_height_ratio: float = 1.3
+    min_usual_height_m: float = 0.12
+    max_usual_height_m: float = 3.5

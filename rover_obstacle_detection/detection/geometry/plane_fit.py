@@ -134,7 +134,8 @@ def fit_ground_plane(
     if not _plausible(plane[np.newaxis], camera, parameters, gravity).all():
         # A wall: the best plausible plane only leans on it.
         return None
-    return DisparityPlane(*(float(value) for value in plane), residual=residual)
+    slope_u, slope_v, level = (float(value) for value in plane)
+    return DisparityPlane(slope_u, slope_v, level, residual)
 
 
 def _sample(

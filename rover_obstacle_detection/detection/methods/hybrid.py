@@ -11,6 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.geometry.ground_check import (
+    check_baseline,
+    ground_warnings,
+)
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground, is_upside_down
 from rover_obstacle_detection.detection.images.image_noise import (
@@ -38,8 +42,8 @@ from rover_obstacle_detection.detection.stereo.matching import (
     reduced_mask,
 )
 from rover_obstacle_detection.detection.stereo.pair_check import check_pair
-from rover_obstacle_detection.detection.stereo.support import measure_support
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
+from rover_obstacle_detection.detection.stereo.support import measure_support
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border, walls_in_border
@@ -102,7 +106,9 @@ def detect_hybrid(
     stages : HybridStages
     """
     p = parameters
-    frame, correction, stereo, terrain, brims, plain, warnings = measure(frame, p, finished, stages)
+    frame, correction, stereo, terrain, brims, plain, warnings = measure(
+        frame, p, finished, stages
+    )
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
@@ -155,6 +161,7 @@ def measure(
     stages : HybridStages
     """
     p = parameters
+    check_baseline(frame.camera, p.ground_check)
     noise_share = stages.noise_share(frame.pair[0], p.images)
     frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
     finished('noise')
@@ -162,7 +169,7 @@ def measure(
     straight = coarse.correction.straightened(frame)
     coarse = without_rover(coarse, straight.rover_mask)
     finished('coarse disparity')
-    ground = find_ground(straight, coarse, p)
+    ground, doubts = find_ground(straight, coarse, p)
     finished('ground plane')
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
     stereo, plain, warnings = supported(stereo, p)
@@ -179,7 +186,7 @@ def measure(
         up = stages.vertical(before, ground, p.terrain)
         stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
-    return Measurement(frame, coarse.correction, stereo, terrain, brims, plain, warnings)
+    return Measurement(frame, coarse.correction, stereo, terrain, brims, plain, doubts + warnings)
 
 
 def match_coarsely(
@@ -191,8 +198,15 @@ def match_coarsely(
     return stages.rectify(reduced, matcher, parameters.rectification)
 
 
-def find_ground(frame: Frame, coarse: Rectified, parameters: DetectorParameters) -> GroundPlane:
+def find_ground(
+    frame: Frame, coarse: Rectified, parameters: DetectorParameters
+) -> tuple[GroundPlane, tuple[str, ...]]:
     """Find the ground plane in the matches and, where they leave doubt, in the images.
+
+    Returns
+    -------
+    ground : GroundPlane
+    warnings : tuple of str
 
     Raises
     ------
@@ -200,14 +214,17 @@ def find_ground(frame: Frame, coarse: Rectified, parameters: DetectorParameters)
         If the ground is at the top of the images.
     """
     p, gravity = parameters, frame.gravity
+    known_m = (gravity.height_m if gravity else None) or p.plane_fit.known_height_m
     ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, gravity)
     if is_doubtful(ground, p.stereo.sweep):
         reduced = reduced_pair(frame.pair, frame.camera, p.stereo)
-        known_m = (gravity.height_m if gravity else None) or p.plane_fit.known_height_m
         ground = likelier_ground(reduced, ground, gravity, known_m, p.stereo.sweep)
-    if not (ground.measured or gravity):
+    unaided = None
+    if not ground.measured and gravity:
+        unaided = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, None)
+    elif not ground.measured:
         check_upright(coarse, p)
-    return ground
+    return ground, ground_warnings(ground, unaided, gravity, known_m, p.ground_check)
 
 
 def check_upright(coarse: Rectified, parameters: DetectorParameters) -> None:

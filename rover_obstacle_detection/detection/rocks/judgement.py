@@ -76,9 +76,7 @@ class _Parts:
         return _count(self.labels, self.drawn & where, len(self.pixels))
 
 
-def _measured_parts(
-    drawn: Mask, probability: Image, terrain: Terrain, step_px: Image
-) -> _Parts:
+def _measured_parts(drawn: Mask, probability: Image, terrain: Terrain, step_px: Image) -> _Parts:
     count, numbers, boxes, _ = cv2.connectedComponentsWithStats(
         drawn.astype(np.uint8), connectivity=8
     )

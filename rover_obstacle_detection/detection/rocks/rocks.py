@@ -94,7 +94,7 @@ def outlined_rocks(
 def _with_dark_sides(
     stereo: Stereo, terrain: Terrain, standing: Standing, parameters: RockParameters
 ) -> NDArray[np.bool_]:
-    """What stands up, with the areas without 3D beside it: shadowed sides of rocks."""
+    """Mark what stands up, with the areas without 3D beside it: shadowed sides of rocks."""
     nearest = stereo.frame.camera.disparity_at(parameters.max_range_m)
     unmeasured = ~terrain.measured & (stereo.expected > nearest)
     kernel = np.ones((parameters.unmeasured_px, parameters.unmeasured_px), np.uint8)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +136,6 @@ def _row_offset(pair: GreyPair, parameters: SupportParameters) -> int:
     return int(offsets[best]) if stands_out else 0
 
 
-def _correlation(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
+def _correlation(one: NDArray[Any], other: NDArray[Any]) -> float:
     product = float(np.sum(one * other))
     return product / float(np.sqrt(np.sum(one * one) * np.sum(other * other)) + 1e-6)

@@ -67,7 +67,9 @@ def likelier_ground(
     heights_m = np.geomspace(p.min_height_m, p.max_height_m, p.heights)
     best = _best(score, product(pitches_deg, heights_m), gravity)
     fine = product(
-        best.pitch_deg + p.pitch_step_deg * np.linspace(-0.5, 0.5, 5) if gravity is None else (0.0,),
+        best.pitch_deg + p.pitch_step_deg * np.linspace(-0.5, 0.5, 5)
+        if gravity is None
+        else (0.0,),
         best.height_m * np.linspace(0.95, 1.05, 5),
     )
     best = _best(score, fine, gravity)

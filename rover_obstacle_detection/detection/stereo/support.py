@@ -152,11 +152,15 @@ def _matches_ground(
         return np.asarray(away)
     warped = _warped(right, np.maximum(expected, 0), camera, rows)
     on_ground = _statistics(left, warped, expected > 0, p.window_px).correlation
-    alike = on_ground > np.maximum(near.correlation - p.repetition_tolerance, p.agreeing_correlation)
+    alike = on_ground > np.maximum(
+        near.correlation - p.repetition_tolerance, p.agreeing_correlation
+    )
     return np.asarray(away & alike)
 
 
-def _plain_areas(left: Image, bare: Mask, least: np.float32, parameters: SupportParameters) -> Mask:
+def _plain_areas(
+    left: Image, bare: Mask, least: np.float32, parameters: SupportParameters
+) -> Mask:
     """Areas of bare pixels with at least one that shows no texture in a wider window either."""
     core = bare & (_variance(left, parameters.plain_window_px) <= least)
     if not core.any():

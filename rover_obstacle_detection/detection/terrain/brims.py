@@ -114,7 +114,9 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 1), columns]
     limit_m = np.float32(parameters.max_step_m) + np.float32(p.noises) * surface.noise_m
     level_m = surface.height_m[rows, columns]
-    sight = (np.float32(surface.camera_m) - level_m) / np.maximum(surface.along_m[rows, columns], 1e-3)
+    sight = (np.float32(surface.camera_m) - level_m) / np.maximum(
+        surface.along_m[rows, columns], 1e-3
+    )
     sure = sight > math.tan(math.radians(p.min_sure_sight_deg))
     return Brims(rows, columns, drop_rows, sure, level_m, limit_m, surface.height_m)
 

@@ -73,7 +73,9 @@ def seen_through_ground(stereo: Stereo, parameters: TerrainParameters) -> Mask:
     if not low.any():
         return found
     across_m, along_m = plane_coordinates(disparity, camera, ground)
-    level = _LevelGround.mapped(across_m, along_m, height_m, in_range & (abs(height_m) < limit_m), p)
+    level = _LevelGround.mapped(
+        across_m, along_m, height_m, in_range & (abs(height_m) < limit_m), p
+    )
     across_m, along_m, height_m, limit_m, share = (
         each[low] for each in (across_m, along_m, height_m, limit_m, share)
     )
