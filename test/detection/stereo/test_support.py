@@ -58,7 +58,7 @@ def test_texture_that_looks_alike_in_both_images_supports_its_match():
     found = measured(pair())
     assert found.supported[INNER].mean() > 0.99
     assert not found.plain.any()
-    assert found.textured_share > 0.95
+    assert found.left_textured_share > 0.95
     assert found.right_textured_share > 0.95
     assert found.agreeing_share > 0.97
     assert found.same_share < 0.1
@@ -70,7 +70,7 @@ def test_texture_that_differs_contradicts_the_match(off_px):
     # Windows this small look somewhat alike by chance.
     assert found.supported[INNER].mean() < 0.25
     assert found.agreeing_share < 0.05
-    assert found.textured_share > 0.95, 'that there is texture has nothing to do with it'
+    assert found.left_textured_share > 0.95, 'that there is texture has nothing to do with it'
 
 
 def test_a_wrong_disparity_is_contradicted_where_it_is():
@@ -195,28 +195,35 @@ def test_matches_near_the_ground_plane_are_not_compared_with_it(away_px, support
     assert found.supported[INNER].mean() == pytest.approx(supported, abs=0.01)
 
 
-def test_shares_count_what_is_visible():
+def test_texture_is_counted_in_each_whole_image():
     bare = [image.copy() for image in pair()]
     bare[0][:, 120:] = 90
     bare[1][:] = 90
-    visible = np.zeros(CAMERA.shape, bool)
-    visible[:, 60:180] = True
-    found = measured(bare, visible=visible)
-    assert found.textured_share == pytest.approx(0.5, abs=0.05)
+    found = measured(bare, visible=np.zeros(CAMERA.shape, bool))
+    assert found.left_textured_share == pytest.approx(0.5, abs=0.05)
     assert found.right_textured_share == 0
-    assert found.agreeing_share == 0
-    none = measured(bare, visible=np.zeros(CAMERA.shape, bool))
-    assert (none.textured_share, none.agreeing_share) == (0, 1)
+
+
+def test_agreement_is_that_of_the_visible_texture():
+    disparity = TRUTH.copy()
+    disparity[:90] += 5
+    rows = np.arange(CAMERA.height)[:, np.newaxis] + 0 * np.arange(CAMERA.width)
+    seen = np.arange(CAMERA.width) >= TRUTH
+    shares = [
+        measured(pair(), disparity, visible=visible & seen).agreeing_share
+        for visible in (rows < 80, rows >= 100, rows >= 0, rows < 0)
+    ]
+    assert shares == pytest.approx([0, 1, 0.5, 1], abs=0.05)
 
 
 def test_noise_is_no_texture():
     flat = np.full(CAMERA.shape, 90.0)
     images = waves.as_image(flat, 2.0, seed=1), waves.as_image(flat, 5.0, seed=2)
     found = measured(images, noise=(2.0, 5.0))
-    assert found.textured_share < 0.01
+    assert found.left_textured_share < 0.01
     assert found.right_textured_share < 0.01
     assert (found.agreeing_share, found.same_share) == (1, 0), 'nothing to judge them by'
-    assert measured(images, noise=(0.3, 0.3)).textured_share > 0.95
+    assert measured(images, noise=(0.3, 0.3)).left_textured_share > 0.95
 
 
 @pytest.mark.parametrize(('noise', 'least'), [(0.0, 1.0), (0.5, 0.9)])
