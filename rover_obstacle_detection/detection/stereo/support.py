@@ -14,6 +14,7 @@ from rover_obstacle_detection.detection.rectification.row_alignment import RowAl
 from rover_obstacle_detection.detection.stereo.parameters import SupportParameters
 
 Image = NDArray[np.float32]
+Grey = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 
@@ -81,23 +82,23 @@ def measure_support(
     """
     p = parameters
     matched = disparity > 0
-    left, right = (image.astype(np.float32) for image in pair)
-    warped = _warped(right, disparity, camera, rows)
-    near = _statistics(left, warped, matched, p.window_px)
-    wide = _statistics(left, warped, matched, p.wide_window_px)
+    left, right = pair
+    both = _Masked.pair(left, _warped(right, disparity, camera, rows), matched)
+    near_variances = both.variances(p.window_px)
+    near_variance = np.minimum(*near_variances)
+    correlation = both.correlation(p.window_px, near_variances)
+    wide_variance = np.minimum(*both.variances(p.wide_window_px))
     least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
-    shows = near.least_variance > least
-    has_signal = shows | (wide.least_variance > least)
-    clear = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.clear_signal**2))
-    ambiguous = _matches_ground(left, right, near, disparity, expected, camera, rows, p)
-    contradicted = (near.least_variance > clear) & (near.correlation < p.min_correlation)
-    contradicted |= ambiguous
+    shows = near_variance > least
+    has_signal = shows | (wide_variance > least)
+    contradicted = (near_variance > _clear(max(noise), p)) & (correlation < p.min_correlation)
+    contradicted |= _matches_ground(pair, correlation, disparity, expected, camera, rows, p)
     left_textured, right_textured = (
         _variance(image, p.window_px) > _clear(each, p)
-        for image, each in zip((left, right), noise, strict=True)
+        for image, each in zip(pair, noise, strict=True)
     )
     textured = visible & left_textured
-    agreeing = matched & textured & (near.correlation > p.agreeing_correlation)
+    agreeing = matched & textured & (correlation > p.agreeing_correlation)
     judged = max(int(np.count_nonzero(visible)), 1)
     enough = np.count_nonzero(textured) / judged > p.min_textured_share
     return Support(
@@ -106,39 +107,53 @@ def measure_support(
         left_textured_share=float(left_textured.mean()),
         right_textured_share=float(right_textured.mean()),
         agreeing_share=np.count_nonzero(agreeing) / textured.sum() if enough else 1.0,
-        same_share=float((np.abs(left - right)[textured] <= 1).mean()) if enough else 0.0,
+        same_share=float((cv2.absdiff(left, right)[textured] <= 1).mean()) if enough else 0.0,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Statistics:
-    least_variance: Image
-    correlation: Image
+class _Masked:
+    """Two images, 0 where they are not compared, and the mask of what is."""
 
+    left: Grey
+    right: Grey
+    mask: Grey
 
-def _statistics(left: Image, warped: Image, matched: Mask, window_px: int) -> _Statistics:
-    """Correlation of the matched pixels of both images, and the lesser of their variances."""
-    weight = matched.astype(np.float32)
-    share = np.maximum(_mean(weight, window_px), np.float32(1e-3))
+    @classmethod
+    def pair(cls, left: Grey, right: Grey, compared: Mask) -> _Masked:
+        mask = compared.astype(np.uint8)
+        return cls(left * mask, right * mask, mask)
 
-    def mean(image: Image) -> Image:
-        return np.asarray(_mean(image * weight, window_px) / share, np.float32)
+    def variances(self, window_px: int) -> tuple[Image, Image]:
+        """Variance of each image around each pixel."""
+        left, right = (
+            self._mean_square(image, window_px) - self._mean(image, window_px) ** 2
+            for image in (self.left, self.right)
+        )
+        return left, right
 
-    left_mean, right_mean = mean(left), mean(warped)
-    left_variance = mean(left * left) - left_mean * left_mean
-    right_variance = mean(warped * warped) - right_mean * right_mean
-    covariance = mean(left * warped) - left_mean * right_mean
-    product = np.maximum(left_variance, 0) * np.maximum(right_variance, 0)
-    return _Statistics(
-        np.minimum(left_variance, right_variance),
-        np.asarray(covariance / np.sqrt(product + np.float32(1e-3)), np.float32),
-    )
+    def correlation(self, window_px: int, variances: tuple[Image, Image]) -> Image:
+        """Zero-mean normalised cross-correlation around each pixel."""
+        product = cv2.multiply(self.left, self.right, dtype=cv2.CV_32F)
+        covariance = self._mean(np.asarray(product, np.float32), window_px)
+        covariance -= self._mean(self.left, window_px) * self._mean(self.right, window_px)
+        left, right = (np.maximum(each, 0) for each in variances)
+        return np.asarray(covariance / np.sqrt(left * right + np.float32(1e-3)), np.float32)
+
+    def _mean(self, image: Grey | Image, window_px: int) -> Image:
+        return np.asarray(_sum(image, window_px) / self._count(window_px), np.float32)
+
+    def _mean_square(self, image: Grey, window_px: int) -> Image:
+        total = cv2.sqrBoxFilter(image, cv2.CV_32F, (window_px,) * 2, normalize=False)
+        return np.asarray(total / self._count(window_px), np.float32)
+
+    def _count(self, window_px: int) -> Image:
+        return np.maximum(_sum(self.mask, window_px), np.float32(1))
 
 
 def _matches_ground(
-    left: Image,
-    right: Image,
-    near: _Statistics,
+    pair: GreyPair,
+    correlation: Image,
     disparity: Image,
     expected: Image,
     camera: StereoCamera,
@@ -151,17 +166,14 @@ def _matches_ground(
     away &= np.abs(disparity - expected) > p.min_repetition_px
     if not away.any():
         return np.asarray(away)
-    warped = _warped(right, np.maximum(expected, 0), camera, rows)
-    on_ground = _statistics(left, warped, expected > 0, p.window_px).correlation
-    alike = on_ground > np.maximum(
-        near.correlation - p.repetition_tolerance, p.agreeing_correlation
-    )
+    warped = _warped(pair[1], np.maximum(expected, 0), camera, rows)
+    both = _Masked.pair(pair[0], warped, expected > 0)
+    on_ground = both.correlation(p.window_px, both.variances(p.window_px))
+    alike = on_ground > np.maximum(correlation - p.repetition_tolerance, p.agreeing_correlation)
     return np.asarray(away & alike)
 
 
-def _plain_areas(
-    left: Image, bare: Mask, least: np.float32, parameters: SupportParameters
-) -> Mask:
+def _plain_areas(left: Grey, bare: Mask, least: np.float32, parameters: SupportParameters) -> Mask:
     """Areas of bare pixels with at least one that shows no texture in a wider window either."""
     core = bare & (_variance(left, parameters.plain_window_px) <= least)
     if not core.any():
@@ -179,7 +191,7 @@ def _clear(noise: float, parameters: SupportParameters) -> np.float32:
     return np.float32(max(noise, parameters.min_noise) ** 2 * (1 + parameters.clear_signal**2))
 
 
-def _warped(right: Image, disparity: Image, camera: StereoCamera, rows: RowAlignment) -> Image:
+def _warped(right: Grey, disparity: Image, camera: StereoCamera, rows: RowAlignment) -> Grey:
     columns = np.arange(camera.width, dtype=np.float32)
     source = columns[np.newaxis] - disparity - np.float32(camera.disparity_offset)
     source -= rows.added_disparity(camera)
@@ -188,14 +200,16 @@ def _warped(right: Image, disparity: Image, camera: StereoCamera, rows: RowAlign
             right, source, rows.rows(camera, columns), cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         ),
-        np.float32,
+        np.uint8,
     )  # fmt: skip
 
 
-def _variance(image: Image, window_px: int) -> Image:
-    mean = _mean(image, window_px)
-    return np.asarray(_mean(image * image, window_px) - mean * mean, np.float32)
+def _variance(image: Grey, window_px: int) -> Image:
+    squares = cv2.sqrBoxFilter(image, cv2.CV_32F, (window_px,) * 2)
+    mean = cv2.boxFilter(image, cv2.CV_32F, (window_px,) * 2)
+    return np.asarray(squares - mean * mean, np.float32)
 
 
-def _mean(image: Image, window_px: int) -> Image:
-    return np.asarray(cv2.blur(image, (window_px, window_px)), np.float32)
+def _sum(image: Grey | Image, window_px: int) -> Image:
+    total = cv2.boxFilter(image, cv2.CV_32F, (window_px,) * 2, normalize=False)
+    return np.asarray(total, np.float32)

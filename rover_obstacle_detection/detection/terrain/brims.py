@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -11,12 +12,27 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.noise import height_noise_m
 from rover_obstacle_detection.detection.stereo.matching import Stereo
-from rover_obstacle_detection.detection.terrain.elevation_map import plane_coordinates
+from rover_obstacle_detection.detection.terrain.elevation_map import ground_axes
 from rover_obstacle_detection.detection.terrain.parameters import BrimParameters, TerrainParameters
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-Rows = NDArray[np.intp]
+Rows = NDArray[Any]
+
+
+class Surface(NamedTuple):
+    """Each pixel's height, and how far it must lie below a brim to be out of reach.
+
+    Parameters
+    ----------
+    height_m : ndarray of float32, shape (height, width)
+        Over the ground plane, metres; NaN where there is no match.
+    limit_m : ndarray of float32, shape (height, width)
+        The rover's step, and noise, metres.
+    """
+
+    height_m: Image
+    limit_m: Image
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +47,10 @@ class Brims:
         Row of each brim: above it in its column lies what is behind.
     sure : ndarray of bool, shape (n,)
         Brims that are seen steeply enough to tell them from the crest of gentle ground.
-    level_m, limit_m : ndarray of float32, shape (n,) and (height, width)
-        Height of the ground at each brim, and how far below it a pixel is lower than the rover can
-        step, noise included, metres.
-    height_m : ndarray of float32, shape (height, width)
-        Height of each pixel over the ground plane, metres; NaN where there is no match.
+    level_m : ndarray of float32, shape (n,)
+        Height of the ground at each brim, metres.
+    surface : Surface
+        What may lie lower.
     """
 
     rows: Rows
@@ -43,8 +58,7 @@ class Brims:
     drop_rows: Rows
     sure: Mask
     level_m: Image
-    limit_m: Image
-    height_m: Image
+    surface: Surface
 
     def not_on(self, obstacles: Mask) -> Brims:
         """Return the brims that are no rims of the given obstacles, shape (height, width)."""
@@ -60,7 +74,7 @@ class Brims:
 
     def edge(self, parameters: BrimParameters) -> Mask:
         """Mark the last few pixels of the ground before each sure brim, shape (height, width)."""
-        edge = np.zeros(self.height_m.shape, np.bool_)
+        edge = np.zeros(self.surface.height_m.shape, np.bool_)
         rows, columns = self.rows[self.sure], self.columns[self.sure]
         for step in range(-parameters.blur_px, parameters.edge_px + 1):
             edge[np.clip(rows + step, 0, len(edge) - 1), columns] = True
@@ -73,18 +87,19 @@ class Brims:
         -------
         ndarray of bool, shape (height, width)
         """
+        height_m, limit_m = self.surface
         if not self.rows.size:
-            return np.zeros(self.height_m.shape, np.bool_)
-        last = len(self.height_m) - 1
+            return np.zeros(height_m.shape, np.bool_)
+        last = np.int32(len(height_m) - 1)
         # Row of the nearest brim below each pixel, counted from the bottom.
-        nearest = np.full(self.height_m.shape, -1, np.intp)
+        nearest = np.full(height_m.shape, -1, np.int32)
         nearest[self.drop_rows, self.columns] = last - self.drop_rows
         nearest = np.maximum.accumulate(nearest[::-1], axis=0)[::-1]
-        level_m = np.full_like(self.height_m, np.nan)
+        level_m = np.full_like(height_m, np.nan)
         level_m[self.drop_rows, self.columns] = self.level_m
         level_m = np.take_along_axis(level_m, np.clip(last - nearest, 0, last), axis=0)
         with np.errstate(invalid='ignore'):
-            return np.asarray((nearest >= 0) & (self.height_m < level_m - self.limit_m))
+            return np.asarray((nearest >= 0) & (height_m < level_m - limit_m))
 
 
 def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
@@ -104,121 +119,142 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     top of a rock is no brim either, as it rises just before it ends.
     """
     p = parameters.brims
-    surface = _Surface.measured(stereo, parameters)
-    found = np.zeros(stereo.disparity.shape, np.bool_)
-    if len(found) > 2 * p.reach_px:
-        found = _wide_enough(_jumps(surface, parameters), surface, parameters)
+    surface = _Surface(stereo, parameters)
+    found = _wide_enough(_jumps(surface, parameters), surface, p)
     # Of each run of rows found, the uppermost has its lower point on the brim.
     found[1:] &= ~found[:-1]
     drop_rows, columns = np.nonzero(found)
     rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 1), columns]
-    limit_m = np.float32(parameters.max_step_m) + np.float32(p.noises) * surface.noise_m
-    level_m = surface.height_m[rows, columns]
-    sight = (np.float32(surface.camera_m) - level_m) / np.maximum(
-        surface.along_m[rows, columns], 1e-3
-    )
-    sure = sight > math.tan(math.radians(p.min_sure_sight_deg))
-    return Brims(rows, columns, drop_rows, sure, level_m, limit_m, surface.height_m)
+    brim = surface.points(rows, columns)
+    sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
+    return Brims(rows, columns, drop_rows, sure, brim.height_m, surface.limits())
+
+
+class _Surface:
+    """Heights over the ground plane, with the rows of the nearest matches around each pixel.
+
+    Everything else is computed where it is needed, as hardly a pixel is near a brim.
+    """
+
+    def __init__(self, stereo: Stereo, parameters: TerrainParameters) -> None:
+        self._stereo, self._parameters = stereo, parameters
+        self._camera, self._ground = stereo.frame.camera, stereo.ground
+        disparity = stereo.disparity
+        matched = disparity > self._camera.disparity_at(parameters.max_range_m)
+        self.height_m = np.full_like(disparity, np.nan)
+        np.divide(
+            np.float32(self._ground.height_m) * (disparity - stereo.expected),
+            disparity,
+            out=self.height_m,
+            where=matched,
+        )
+        last = np.int32(len(disparity) - 1)
+        row = np.arange(len(disparity), dtype=np.int32)[:, np.newaxis]
+        below, above = np.where(matched, row, last), np.where(matched, row, np.int32(0))
+        self.next_below = np.minimum.accumulate(below[::-1], axis=0)[::-1]
+        self.next_above = np.maximum.accumulate(above, axis=0)
+
+    def points(self, rows: Rows, columns: Rows) -> _Points:
+        """Return the points at the given pixels."""
+        camera, ground = self._camera, self._ground
+        disparity = np.maximum(self._stereo.disparity[rows, columns], np.float32(1e-3))
+        height_m = self.height_m[rows, columns]
+        x_over_z, y_over_z = camera.rays()
+        _, forward = ground_axes(ground)
+        rays = forward[0] * x_over_z.ravel()[columns] + forward[1] * y_over_z.ravel()[rows]
+        along_m = camera.fx * camera.baseline_m / disparity * (rays + forward[2])
+        descent_m = np.maximum(np.float32(ground.height_m) - height_m, 0)
+        noise_px = self._stereo.noise_px[rows, columns]
+        return _Points(
+            height_m,
+            along_m.astype(np.float32),
+            descent_m * noise_px / disparity,
+            descent_m,
+            np.asarray(disparity / np.float32(camera.baseline_m), np.float32),
+        )
+
+    def rows_per_metre(self, points: _Points) -> Image:
+        """Image rows to a metre of level ground at the distance of each point."""
+        squares = points.along_m**2 + self._ground.height_m**2
+        return np.asarray(self._camera.fy * self._ground.height_m / squares, np.float32)
+
+    def limits(self) -> Surface:
+        """Return the heights, and how far below a brim each pixel is lower than a step."""
+        stereo, p = self._stereo, self._parameters
+        descent_m = np.maximum(np.float32(self._ground.height_m) - self.height_m, np.float32(0))
+        noise_m = height_noise_m(stereo.disparity, descent_m, stereo.noise_px)
+        limit_m = np.float32(p.max_step_m) + np.float32(p.brims.noises) * noise_m
+        return Surface(self.height_m, np.asarray(limit_m, np.float32))
 
 
 @dataclass(frozen=True, eq=False)
-class _Surface:
-    """Each pixel's place over the ground plane, metres; NaN without a match.
-
-    `next_below` and `next_above` are the rows of the nearest match at or below and at or above
-    each pixel, or the last row and the first.
-    """
+class _Points:
+    """Places over the ground plane, each of shape (n,)."""
 
     height_m: Image
     along_m: Image
     noise_m: Image
-    camera_m: float
-    rows_per_metre: Image
+    descent_m: Image
     columns_per_metre: Image
-    next_below: Rows
-    next_above: Rows
 
-    @classmethod
-    def measured(cls, stereo: Stereo, parameters: TerrainParameters) -> _Surface:
-        camera, ground, disparity = stereo.frame.camera, stereo.ground, stereo.disparity
-        in_range = disparity > camera.disparity_at(parameters.max_range_m)
-        height_m = np.full_like(disparity, np.nan)
-        np.divide(
-            np.float32(ground.height_m) * (disparity - stereo.expected),
-            disparity,
-            out=height_m,
-            where=in_range,
-        )
-        along_m = plane_coordinates(disparity, camera, ground)[1]
-        descent_m = np.maximum(np.float32(ground.height_m) - height_m, np.float32(0))
-        noise_m = height_noise_m(disparity, descent_m, stereo.noise_px)
-        # Level ground at the distance a is seen under the slope H / a.
-        squares = along_m * along_m + np.float32(ground.height_m**2)
-        rows_per_metre = np.float32(camera.fy * ground.height_m) / np.maximum(squares, 1e-6)
-        row = np.arange(len(disparity), dtype=np.intp)[:, np.newaxis]
-        below = np.where(in_range, row, len(disparity) - 1)
-        above = np.where(in_range, row, 0)
-        return cls(
-            height_m,
-            along_m,
-            noise_m,
-            ground.height_m,
-            np.asarray(rows_per_metre, np.float32),
-            disparity / np.float32(camera.baseline_m),
-            np.minimum.accumulate(below[::-1], axis=0)[::-1],
-            np.maximum.accumulate(above, axis=0),
-        )
+    @property
+    def sight(self) -> Image:
+        """Slope of the sight line to each point."""
+        return np.asarray(self.descent_m / np.maximum(self.along_m, np.float32(1e-3)))
 
 
 def _jumps(surface: _Surface, parameters: TerrainParameters) -> Mask:
     """Rows between two points of which the upper one is lower, and hidden in between."""
     p = parameters.brims
     found = np.zeros(surface.height_m.shape, np.bool_)
-    inner = found[p.reach_px : -p.reach_px]
-    near = surface.next_below[2 * p.reach_px :]
-    far = surface.next_above[: -2 * p.reach_px]
-    near_m, far_m, near_along_m, far_along_m, near_noise_m, far_noise_m = (
-        np.take_along_axis(image, row, axis=0)
-        for image in (surface.height_m, surface.along_m, surface.noise_m)
-        for row in (near, far)
-    )
-    fall_m, gap_m = near_m - far_m, far_along_m - near_along_m
-    sight = (np.float32(surface.camera_m) - near_m) / np.maximum(near_along_m, np.float32(1e-3))
-    limit_m = parameters.max_step_m + p.noises * np.hypot(near_noise_m, far_noise_m)
+    span = 2 * p.reach_px
+    near_rows, far_rows = surface.next_below[span:], surface.next_above[:-span]
+    if not len(near_rows):
+        return found
+    fall_m = np.take_along_axis(surface.height_m, near_rows, axis=0)
+    fall_m -= np.take_along_axis(surface.height_m, far_rows, axis=0)
     with np.errstate(invalid='ignore'):
-        inner |= fall_m > limit_m
-        inner &= fall_m > p.min_hidden_share * sight * gap_m
-        inner &= sight > math.tan(math.radians(p.min_sight_deg))
-    inner &= near - far <= 2 * p.reach_px + p.max_unseen_px
-    rows, columns = np.nonzero(inner)
-    rise = _rise_before(surface, near[rows, columns], columns, p.before_m)
-    level = rise < math.tan(math.radians(p.max_rise_deg))
-    level &= -rise < p.max_grazing_share * sight[rows, columns]
-    inner[rows[~level], columns[~level]] = False
+        rows, columns = np.nonzero(fall_m > parameters.max_step_m)
+    below, above = near_rows[rows, columns], far_rows[rows, columns]
+    near, far = surface.points(below, columns), surface.points(above, columns)
+    fallen_m = fall_m[rows, columns]
+    jumps = below - above <= span + p.max_unseen_px
+    jumps &= fallen_m > parameters.max_step_m + p.noises * np.hypot(near.noise_m, far.noise_m)
+    jumps &= fallen_m > p.min_hidden_share * near.sight * (far.along_m - near.along_m)
+    jumps &= near.sight > math.tan(math.radians(p.min_sight_deg))
+    rise = _rise_before(surface, near, below, columns, p.before_m)
+    with np.errstate(invalid='ignore'):
+        jumps &= rise < math.tan(math.radians(p.max_rise_deg))
+        jumps &= -rise < p.max_grazing_share * near.sight
+    found[rows[jumps] + p.reach_px, columns[jumps]] = True
     return found
 
 
 def _rise_before(
-    surface: _Surface, rows: NDArray[np.intp], columns: NDArray[np.intp], before_m: float
+    surface: _Surface, points: _Points, rows: Rows, columns: Rows, before_m: float
 ) -> Image:
-    """Rise towards each pixel over the ground just before it; NaN where that is not seen."""
-    last = surface.height_m.shape[0] - 1
-    steps = np.rint(before_m * surface.rows_per_metre[rows, columns])
-    below = np.minimum(rows + np.maximum(steps, 3), last).astype(np.intp)
-    rise_m = surface.height_m[rows, columns] - surface.height_m[below, columns]
-    run_m = surface.along_m[rows, columns] - surface.along_m[below, columns]
-    return np.asarray(rise_m / np.maximum(run_m, np.float32(0.02)), np.float32)
+    """Rise towards each point over the ground just before it; NaN where that is not seen."""
+    last = len(surface.height_m) - 1
+    steps = np.maximum(np.rint(before_m * surface.rows_per_metre(points)), 3)
+    before = surface.points(np.minimum(rows + steps, last).astype(np.intp), columns)
+    run_m = np.maximum(points.along_m - before.along_m, np.float32(0.02))
+    return np.asarray((points.height_m - before.height_m) / run_m, np.float32)
 
 
-def _wide_enough(found: Mask, surface: _Surface, parameters: TerrainParameters) -> Mask:
+def _wide_enough(found: Mask, surface: _Surface, parameters: BrimParameters) -> Mask:
     """Keep the brims that are at least as wide as a wheel, and wider far away."""
-    p = parameters.brims
+    p = parameters
+    if not found.any():
+        return found
     joined = cv2.dilate(found.astype(np.uint8), np.ones((5, 5), np.uint8))
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
-    pixels = np.maximum(np.bincount(labels[found], minlength=count), 1)
+    rows, columns = np.nonzero(found)
+    brim = surface.points(surface.next_below[rows, columns], columns)
+    part = labels[rows, columns]
+    pixels = np.maximum(np.bincount(part, minlength=count), 1)
     scale, along_m = (
-        np.bincount(labels[found], weights=image[found], minlength=count) / pixels
-        for image in (surface.columns_per_metre, surface.along_m)
+        np.bincount(part, weights=values, minlength=count) / pixels
+        for values in (brim.columns_per_metre, brim.along_m)
     )
     width_m = boxes[:, cv2.CC_STAT_WIDTH] / np.maximum(scale, 1e-6)
     kept = width_m >= np.maximum(p.min_width_m, p.min_width_share * along_m)
