@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +23,9 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 Mask = NDArray[np.bool_]
 
 
-def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
+def steep_ground(
+    terrain: Terrain, ground: GroundPlane, objects: Mask, parameters: TerrainParameters
+) -> Mask:
     """Find the pixels of ground that is steeper than the rover can climb.
 
     Parameters
@@ -30,11 +33,21 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
     terrain : Terrain
     ground : GroundPlane
         With the vertical that slopes are measured against.
+    objects : ndarray of bool, shape (height, width)
+        What stands on the ground, such as rocks of any size.
     parameters : TerrainParameters
     """
 
     def steep(layer: Layer) -> Mask:
-        return steep_cells(ground_rise(layer, parameters), ground, parameters)
+        faces = layer.without(objects).seen & ~layer.is_ground
+        found = steep_cells(ground_rise(layer, layer.is_ground, parameters), ground, parameters)
+        kernel = np.ones((3, 3), np.uint8)
+        faces &= cv2.erode(layer.without(objects).seen.astype(np.uint8), kernel) > 0
+        if faces.any():
+            surface = layer.is_ground | faces
+            rise = ground_rise(layer, surface, parameters)
+            found |= faces & steep_cells(rise, ground, parameters)
+        return found
 
     return _pixels_of_cells(terrain, steep) & _quiet(terrain, parameters)
 
