@@ -20,7 +20,7 @@ from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
 from rover_obstacle_detection.offline.labelled_bag import LABELS, find_truth_topics
-from rover_obstacle_detection.swapped_images import refuse_swapped_images
+from rover_obstacle_detection.swapped_images import detect_unswapped
 
 Judge = Callable[[View], Detection]
 
@@ -29,11 +29,14 @@ def detector(config: DetectorConfig) -> Judge:
     """Make the detector that node and replay run, with their check for exchanged images."""
 
     def judge(view: View) -> Detection:
-        detection = Detector(view.camera, config).detect(
-            view.left, view.right, gravity=view.told_gravity
+        return detect_unswapped(
+            Detector(view.camera, config),
+            view.left,
+            view.right,
+            'left',
+            'right',
+            gravity=view.told_gravity,
         )
-        refuse_swapped_images(detection, view.left, view.right, 'left', 'right')
-        return detection
 
     return judge
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 
 import numpy as np
@@ -11,7 +12,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
-from rover_obstacle_detection.errors import CameraError, ImageError
+from rover_obstacle_detection.errors import CameraError, ImageError, UnjudgeablePairError
 
 SCENE = mast(solids=(Box(0.35, 1.4, 0.25, 0.25, 0.22), Dome(-0.3, 1.0, 0.2)), solid_brightness=0.3)
 METHODS = ('hybrid', 'study')
@@ -184,8 +185,10 @@ def test_same_pair_gives_the_same_detection(method):
 def test_detector_is_stateless(method):
     used = detector(method=method)
     view = render(SCENE)
-    used.detect(view.right, view.left)
-    used.detect(np.zeros_like(view.left), view.right)
+    for pair in ((view.right, view.left), (np.zeros_like(view.left), view.right)):
+        # The hybrid refuses both.
+        with contextlib.suppress(UnjudgeablePairError):
+            used.detect(*pair)
     again = used.detect(view.left, view.right, gravity=SCENE.gravity)
     np.testing.assert_array_equal(again.mask, detect(method=method).mask)
 
@@ -262,12 +265,16 @@ def test_rover_mask_may_cover_the_image(method):
     assert len(found.obstacle_points) == len(found.ground_points) == 0
 
 
-@both_methods
+GRAVITY = pytest.mark.parametrize(
+    'gravity', [None, Gravity.from_angles(46, 0, 1.0)], ids=['', 'gravity']
+)
+
+
 @pytest.mark.parametrize('level', [0, 90, 255])
-@pytest.mark.parametrize('gravity', [None, Gravity.from_angles(46, 0, 1.0)], ids=['', 'gravity'])
-def test_untextured_images_are_unknown(method, level, gravity):
+@GRAVITY
+def test_untextured_images_are_unknown_to_the_study(level, gravity):
     image = np.full(SCENE.camera.shape, level, np.uint8)
-    found = detector(method=method).detect(image, image, gravity=gravity)
+    found = detector(method='study').detect(image, image, gravity=gravity)
     assert not found.disparity.any()
     assert not found.seeds.any()
     assert (found.regions == 1).all()
@@ -279,19 +286,34 @@ def test_untextured_images_are_unknown(method, level, gravity):
     if level >= DetectorConfig().dark_grey_level:
         assert not found.mask.any()
         assert found.obstacles == ()
-    if method == 'hybrid':
-        assert (found.known & (found.mask == 0)).mean() < 0.001
 
 
-@both_methods
-def test_unrelated_images_give_consistent_products(method):
-    generator = np.random.default_rng(0)
-    left, right = generator.integers(0, 256, (2, *SCENE.camera.shape), np.uint8)
-    found = detector(method=method).detect(left, right)
+@pytest.mark.parametrize(
+    ('level', 'reason'), [(0, 'it is black'), (90, 'covered or fogged lens'), (255, 'it is white')]
+)
+@GRAVITY
+def test_untextured_images_are_refused_by_the_hybrid(level, reason, gravity):
+    image = np.full(SCENE.camera.shape, level, np.uint8)
+    words = f'neither image shows any texture: .*{reason}'
+    with pytest.raises(UnjudgeablePairError, match=words):
+        detector().detect(image, image, gravity=gravity)
+
+
+def unrelated_images():
+    return np.random.default_rng(0).integers(0, 256, (2, *SCENE.camera.shape), np.uint8)
+
+
+def test_unrelated_images_give_consistent_products_of_the_study():
+    found = detector(method='study').detect(*unrelated_images())
     assert (found.disparity > 0).mean() < 0.5
     assert sum(each.pixels for each in found.obstacles) == np.count_nonzero(found.mask)
     for cloud in CLOUDS:
         assert np.isfinite(getattr(found, cloud)).all()
+
+
+def test_unrelated_images_are_refused_by_the_hybrid():
+    with pytest.raises(UnjudgeablePairError, match='does not belong to the left one'):
+        detector().detect(*unrelated_images())
 
 
 SIZES = [(64, 48), (63, 49), (321, 243), (33, 31), (160, 16), (16, 160)]

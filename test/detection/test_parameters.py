@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.parameters import DetectorParameters
 CONFIGURED = {
     'method': ('stereo', 'result'),
     'max_step': ('plane_fit', 'terrain', 'rocks', 'result'),
-    'max_slope': ('terrain',),
+    'max_slope': ('ground_check', 'terrain'),
     'max_roughness': ('terrain',),
     'camera_height': ('plane_fit',),
     'max_camera_pitch': ('plane_fit',),

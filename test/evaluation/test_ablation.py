@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 import waves
-from synthetic import Box, Dome, Pit, Plane, Scene, hazard_camera, mast, pinhole, render
+from hazard_scenes import HAZARD_SCENES
+from synthetic import Box, Dome, Pit, Plane, Scene, mast, pinhole, render
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
@@ -31,6 +32,7 @@ BLOCK = mast(solids=(Box(0.0, 1.2, 0.3, 0.3, 0.3),))
 ROCKS = mast(solids=(Box(0.35, 1.4, 0.25, 0.25, 0.22), Dome(-0.3, 1.0, 0.2)), solid_brightness=0.3)
 STEEP = mast(planes=(Plane.uphill(26),))
 HOLE = mast(camera=pinhole(320, 240, 60.0, 0.15), pits=(Pit(0, 1.1, 0.8, 0.8, 0.4),))
+NOISY = mast(camera=pinhole(320, 240, 60.0, 0.15), noise=10.0)
 # Reaches beyond the first layer of the survey.
 AHEAD = Scene(pinhole(160, 120, 60.0, 0.12), 25.0, 0.6)
 BANK = Scene(
@@ -73,11 +75,20 @@ def distorted():
     return Case(scene, 'disparity', view.left, right)
 
 
+def puddle():
+    scene = next(each for each in HAZARD_SCENES if each.name == 'mirror_puddle_wall_wide')
+    scene = scene.resized(320)
+    view = scene.render()
+    return Case(scene, 'disparity', view.left, view.right)
+
+
 CASES = {
     'noise': lambda: Case.of(BLOCK.with_(noise=12.0), 'disparity'),
     'rows': row_off,
     'lenses': distorted,
     'subpixel': lambda: Case.of(BLOCK, 'disparity'),
+    'reflections': puddle,
+    'brims': lambda: Case.of(HOLE, 'cues'),
     'layers': lambda: Case.of(AHEAD, 'height'),
     'vertical': lambda: Case.of(BANK, 'cues', gravity=False),
     'slope': lambda: Case.of(STEEP, 'cues'),
@@ -85,7 +96,7 @@ CASES = {
     'outlines': lambda: Case.of(BLOCK, 'rock_probability'),
     'parallax': lambda: Case.of(BLOCK, 'rock_probability'),
     'sight': lambda: Case.of(BLOCK, 'rock_probability'),
-    'doubt': lambda: Case.of(hazard_camera(noise=4.0), 'cues', max_slope=5.0),
+    'doubt': lambda: Case.of(NOISY, 'cues', max_slope=5.0),
 }
 
 
@@ -120,11 +131,38 @@ def test_result_changes_without_the_stage(stage):
     assert not np.array_equal(getattr(whole, product), getattr(part, product), equal_nan=True)
 
 
-@pytest.mark.parametrize(('stage', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP)])
-def test_without_a_cue_only_that_cue_is_missing(stage, cue):
+def test_without_slope_only_that_cue_is_missing():
+    whole, part = detected('slope')
+    assert (whole.cues & Cue.SLOPE).any()
+    np.testing.assert_array_equal(part.cues, whole.cues & ~np.uint8(Cue.SLOPE))
+
+
+@pytest.mark.parametrize('stage', ['drop', 'brims'])
+def test_lower_ground_and_brims_are_drops_by_themselves(stage):
     whole, part = detected(stage)
-    assert (whole.cues & cue).any()
-    np.testing.assert_array_equal(part.cues, whole.cues & ~np.uint8(cue))
+    dropped, left = ((each.cues & Cue.DROP) > 0 for each in (whole, part))
+    assert left.any()
+    assert (left <= dropped).all()
+    assert np.count_nonzero(left) < np.count_nonzero(dropped)
+    np.testing.assert_array_equal(
+        part.cues & ~np.uint8(Cue.DROP), whole.cues & ~np.uint8(Cue.DROP)
+    )
+
+
+def test_without_brims_what_lies_behind_them_may_be_free():
+    whole, part = detected('brims')
+    free, free_without = (each.known & (each.mask == 0) for each in (whole, part))
+    assert np.count_nonzero(free_without & ~free) > 10
+    assert not (free & ~free_without).any()
+
+
+def test_without_reflections_points_below_the_ground_are_believed():
+    whole, part = detected('reflections')
+    removed = (whole.disparity == 0) & (part.disparity > 0)
+    assert np.count_nonzero(removed) > 1000
+    assert (part.height[removed & np.isfinite(part.height)] < 0).all()
+    kept = whole.disparity > 0
+    np.testing.assert_array_equal(whole.disparity[kept], part.disparity[kept])
 
 
 def test_without_rows_nothing_of_the_rectification_is_corrected():
@@ -179,7 +217,7 @@ def test_without_doubt_noisy_ground_has_steep_specks():
     whole, part = detected('doubt')
     assert not whole.mask.any()
     assert part.mask.any()
-    assert part.confidence[part.mask > 0].min() < 0.9
+    assert part.confidence[part.mask > 0].max() < 0.9
 
 
 def test_hybrid_itself_is_the_default():

@@ -16,7 +16,11 @@ from synthetic import Box, Plane, View, mast, render
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
-from rover_obstacle_detection.errors import ConfigurationError, MissingExtraError
+from rover_obstacle_detection.errors import (
+    ConfigurationError,
+    MissingExtraError,
+    UnjudgeablePairError,
+)
 from rover_obstacle_detection.evaluation.methods.dense_stereo import match_densely
 from rover_obstacle_detection.evaluation.methods.image_only import cluster_levels, edged_regions
 from rover_obstacle_detection.evaluation.methods.listing import Listing
@@ -58,9 +62,13 @@ def test_method_returns_a_binary_mask(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', METHODS)
-def test_blank_pair_gives_an_empty_mask(name: str) -> None:
+def test_blank_pair_gives_an_empty_mask_or_is_refused(name: str) -> None:
     view = view_with_box()
     blank = np.full(view.left.shape, 128, np.uint8)
+    if name == 'hybrid':
+        with pytest.raises(UnjudgeablePairError, match='neither image shows any texture'):
+            made(name)(view.scene.camera, blank, blank)
+        return
     mask = made(name)(view.scene.camera, blank, blank)
     assert mask.shape == blank.shape
     assert not mask.any()

@@ -56,15 +56,21 @@ def images(graph: Any) -> Any:
     return graph.subscribe('sensor_msgs/msg/Image', LEFT)
 
 
+def exposures() -> tuple[Any, Any]:
+    """The views that `bag` holds in turn."""
+    import synthetic
+
+    view = synthetic.render(synthetic.mast(32, 24))
+    return view, synthetic.exposed_again(view)
+
+
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ten small pairs at 10 Hz."""
-    import synthetic
     from live_graph import write_stereo_bag
 
     path = tmp_path_factory.mktemp('recorded') / 'bag'
-    view = synthetic.render(synthetic.mast(32, 24))
-    write_stereo_bag(path, view, [START_NS + number * SECOND // 10 for number in range(10)])
+    write_stereo_bag(path, exposures()[0], [START_NS + number * SECOND // 10 for number in range(10)])
     return path
 
 
@@ -78,7 +84,9 @@ def test_all_messages_arrive_unchanged(graph: Any, images: Any, bag: Path) -> No
     graph.wait_for(lambda: len(images.messages) == 10 and len(infos.messages) == 10)
     assert images.stamps_ns == [START_NS + number * SECOND // 10 for number in range(10)]
     assert infos.messages[3].p[0] == pytest.approx(infos.messages[0].p[5])
-    assert images.messages[0].data == images.messages[9].data
+    # Two exposures in turn.
+    recorded = [exposure.left.tobytes() for exposure in exposures()]
+    assert [message.data.tobytes() for message in images.messages] == 5 * recorded
     assert '40 messages published' in player.output
 
 

@@ -237,6 +237,8 @@ def test_interrupted_folds_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_frames_in_memory_give_the_figures_of_the_bag(tmp_path: Path) -> None:
     path = write_labelled(tmp_path / 'noon')
+    # Its images show noise: the hybrid refuses them, the study finds them dark.
+    config = DetectorConfig(method='study', dark_grey_level=255)
     (kept,) = read_scenes([path], BAG, PLENTY_BYTES, ignored)
     assert kept.name == 'noon'
     assert kept.has_obstacles
@@ -245,9 +247,10 @@ def test_frames_in_memory_give_the_figures_of_the_bag(tmp_path: Path) -> None:
         frames, _ = labelled_frames(bag, find_truth_topics(bag), BAG)
         expected = Figures()
         for frame in frames:
-            mask = Detector(frame.camera, START).detect(frame.left, frame.right).mask
+            mask = Detector(frame.camera, config).detect(frame.left, frame.right).mask
             expected += score(mask, frame.labels, frame.instances)
-    assert figures_of(START, kept) == expected
+    assert expected.true_positives > 0
+    assert figures_of(config, kept) == expected
 
 
 def test_pair_that_cannot_be_judged_finds_nothing(

@@ -41,17 +41,17 @@ def check_pair(
         If nothing can be said about the ground.
     """
     p = parameters
-    share = support.textured_share
+    left, right = support.left_textured_share, support.right_textured_share
     if support.same_share > p.max_same_share:
         raise UnjudgeablePairError('both images are the same: is one camera on both topics?')
-    if max(share, support.right_textured_share) < p.min_textured_share:
+    if max(left, right) < p.min_textured_share:
         if matched_share < p.min_matched_share:
             msg = f'neither image shows any texture: {_exposure(pair[0])}'
             raise UnjudgeablePairError(msg)
         return ()
     for side, one, other, image in (
-        ('left', share, support.right_textured_share, pair[0]),
-        ('right', support.right_textured_share, share, pair[1]),
+        ('left', left, right, pair[0]),
+        ('right', right, left, pair[1]),
     ):
         if one < p.min_texture_ratio * other:
             msg = f'the {side} image shows hardly any texture, the other does: {_exposure(image)}'
@@ -133,7 +133,8 @@ def _row_offset(pair: GreyPair, parameters: SupportParameters) -> int:
     )
     best = int(np.argmax(scores))
     stands_out = scores[best] > scores[most] + parameters.min_offset_gain
-    return int(offsets[best]) if stands_out else 0
+    similar = scores[best] > parameters.min_offset_correlation
+    return int(offsets[best]) if stands_out and similar else 0
 
 
 def _correlation(one: NDArray[Any], other: NDArray[Any]) -> float:

@@ -29,20 +29,19 @@ class Support:
     plain : ndarray of bool, shape (height, width)
         Areas without texture. Matching fills them from their surroundings: what lies in them, such
         as water or a hole in black shadow, would not show.
-    textured_share : float
-        Share of the visible pixels whose surroundings show more than noise in the left image.
-    right_textured_share : float
-        The same share of all pixels of the right image.
+    left_textured_share, right_textured_share : float
+        Share of each image's pixels whose surroundings show more than noise.
     agreeing_share : float
-        Share of the textured pixels that are matched and look alike in both images; 1 where hardly
-        any is textured.
+        Share of the visible textured pixels that are matched and look alike in both images; 1
+        where hardly any visible pixel is textured.
     same_share : float
-        Share of the textured pixels with the same grey level at the same place in both images.
+        Share of the visible textured pixels with the same grey level at the same place in both
+        images.
     """
 
     supported: Mask
     plain: Mask
-    textured_share: float
+    left_textured_share: float
     right_textured_share: float
     agreeing_share: float
     same_share: float
@@ -94,16 +93,18 @@ def measure_support(
     has_signal = shows | (wide_variance > least)
     contradicted = (near_variance > _clear(max(noise), p)) & (correlation < p.min_correlation)
     contradicted |= _matches_ground(pair, correlation, disparity, expected, camera, rows, p)
-    textured = visible & (_variance(left, p.window_px) > _clear(noise[0], p))
-    right_textured = _variance(right, p.window_px) > _clear(noise[1], p)
+    left_textured, right_textured = (
+        _variance(image, p.window_px) > _clear(each, p)
+        for image, each in zip(pair, noise, strict=True)
+    )
+    textured = visible & left_textured
     agreeing = matched & textured & (correlation > p.agreeing_correlation)
     judged = max(int(np.count_nonzero(visible)), 1)
-    textured_share = np.count_nonzero(textured) / judged
-    enough = textured_share > p.min_textured_share
+    enough = np.count_nonzero(textured) / judged > p.min_textured_share
     return Support(
         supported=matched & has_signal & ~contradicted,
         plain=_plain_areas(left, ~shows & matched, least, p),
-        textured_share=textured_share,
+        left_textured_share=float(left_textured.mean()),
         right_textured_share=float(right_textured.mean()),
         agreeing_share=np.count_nonzero(agreeing) / textured.sum() if enough else 1.0,
         same_share=float((cv2.absdiff(left, right)[textured] <= 1).mean()) if enough else 0.0,

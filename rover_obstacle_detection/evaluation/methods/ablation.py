@@ -36,6 +36,7 @@ from rover_obstacle_detection.detection.rocks.windows import Window
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
+from rover_obstacle_detection.detection.terrain.brims import Brims, find_brims
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.survey import layer_spans, survey_layers
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
@@ -91,6 +92,16 @@ def _as_matched(
     refined = refine_disparity(pair, disparity, camera, rows, parameters)
     noise_px = np.full_like(disparity, _MATCHING_NOISE_PX)
     return replace(refined, disparity=disparity, noise_px=noise_px)
+
+
+def _reflections_kept(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
+    """Believe points that are seen through the ground."""
+    return stereo
+
+
+def _no_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
+    """Find no brims."""
+    return find_brims(stereo, parameters).not_on(np.ones(stereo.disparity.shape, np.bool_))
 
 
 def _single_layer(stereo: Stereo, parameters: TerrainParameters) -> Terrain:
@@ -164,6 +175,8 @@ ABLATIONS: Mapping[str, HybridStages] = {
     'rows': replace(HYBRID_STAGES, rectify=_uncorrected),
     'lenses': replace(HYBRID_STAGES, rectify=_rows_only),
     'subpixel': replace(HYBRID_STAGES, refine=_as_matched),
+    'reflections': replace(HYBRID_STAGES, reflections=_reflections_kept),
+    'brims': replace(HYBRID_STAGES, brims=_no_brims),
     'layers': replace(HYBRID_STAGES, survey=_single_layer),
     'vertical': replace(HYBRID_STAGES, vertical=_vertical_of_plane),
     'slope': replace(HYBRID_STAGES, slope=_no_ground),

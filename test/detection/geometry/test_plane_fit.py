@@ -9,7 +9,11 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
-from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground, fit_ground_plane
+from rover_obstacle_detection.detection.geometry.plane_fit import (
+    estimate_ground,
+    fit_ground_plane,
+    is_upside_down,
+)
 
 CAMERA = StereoCamera(160, 120, 100.0, 104.0, 79.5, 59.5, 0.12)
 PARAMETERS = PlaneFitParameters()
@@ -243,3 +247,22 @@ def test_relief_within_the_tolerance_counts_as_ground():
     )
     assert tight_m == pytest.approx(1, abs=0.02)
     assert loose_m < 0.98
+
+
+@pytest.mark.parametrize('pitch', [10, 25, 46])
+@pytest.mark.parametrize('shift', [0.0, 35.0])
+def test_ground_at_the_top_of_the_image_is_upside_down(pitch, shift):
+    # A principal point away from the middle is turned as well.
+    camera = replace(CAMERA, cy=CAMERA.cy + shift)
+    plane = DisparityPlane.from_ground(ground(pitch, 1.0), camera)
+    upright = noisy(np.maximum(plane.disparity(camera), 0))
+    turned = np.ascontiguousarray(upright[::-1, ::-1])
+    mounted = replace(camera, cy=CAMERA.height - 1 - camera.cy)
+    assert is_upside_down(turned, mounted, PARAMETERS)
+    assert not is_upside_down(upright, camera, PARAMETERS)
+
+
+@pytest.mark.parametrize('distance_m', [0.0, 2.0])
+def test_without_ground_nothing_is_upside_down(distance_m):
+    wall = wall_disparity(distance_m, 0.0) if distance_m else np.zeros(CAMERA.shape, np.float32)
+    assert not is_upside_down(noisy(wall), CAMERA, PARAMETERS)

@@ -18,6 +18,7 @@ from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion
+from rover_obstacle_detection.errors import UnjudgeablePairError
 from rover_obstacle_detection.evaluation.methods.ablation import ABLATIONS
 
 BLOCK = (Box(0.0, 1.2, 0.3, 0.3, 0.3),)
@@ -105,7 +106,7 @@ def test_rover_with_a_larger_step_ignores_the_rock():
 
 
 FLAT = {
-    **{f'{pitch} degrees': mast(pitch_deg=pitch) for pitch in (20, 30, 46, 60, 75)},
+    **{f'{pitch} degrees': mast(pitch_deg=pitch) for pitch in (20, 30, 46, 60, 68)},
     'close to the ground': hazard_camera(),
     'rolled': mast(roll_deg=10.0),
     'wide baseline': wide_baseline(),
@@ -123,6 +124,21 @@ def test_flat_ground_is_free(name, gravity):
     assert flagged(found, near) < 0.002
     assert np.count_nonzero(found.known & near) > 0.6 * np.count_nonzero(near)
     assert len(found.ground_points) > 0.3 * found.mask.size
+
+
+def test_a_steeper_view_needs_the_vertical_or_a_greater_limit():
+    scene = mast(pitch_deg=75.0)
+    for options in ({}, {'gravity': False, 'max_camera_pitch': 80.0}):
+        found, view = detect(scene, **options)
+        assert found.ground.height_m == pytest.approx(1.0, rel=0.03)
+        assert flagged(found, view.depth_m < JUDGED_M) < 0.002
+        assert found.warnings == ()
+    # A wall looks the same, so that nothing is free.
+    found, _ = detect(scene, gravity=False)
+    assert found.mask[found.disparity > 0].all()
+    assert not found.known[found.mask == 0].any()
+    (warning,) = found.warnings
+    assert 'raise max_camera_pitch or give the vertical' in warning
 
 
 @pytest.mark.parametrize('name', ['46 degrees', '60 degrees', 'rolled', 'close to the ground'])
@@ -303,7 +319,15 @@ def test_pixels_are_known_where_noise_would_not_hide_a_step():
     found, _ = detect(mast(solids=BLOCK))
     quiet = np.isfinite(found.height) & (found.height_noise < 0.05)
     assert 0.3 < quiet.mean() < 0.98
-    np.testing.assert_array_equal(found.known, quiet | (found.mask > 0))
+    assert not (found.known & ~quiet & (found.mask == 0)).any()
+    obstacle = found.mask > 0
+    assert found.known[obstacle].all()
+    # What is higher than a step but no obstacle is unknown, and so is what lies behind a brim.
+    level = quiet & (np.abs(found.height) < 0.1)
+    assert found.known[level].mean() > 0.99
+    high = ~obstacle & (np.abs(found.height) > 0.1 + 3 * found.height_noise)
+    assert high.any()
+    assert not found.known[high].any()
     careless, _ = detect(mast(solids=BLOCK), max_step=0.2)
     assert careless.known.mean() > found.known.mean()
 
@@ -340,12 +364,11 @@ def test_obstacle_pixels_are_those_with_a_cue(gravity):
 
 
 @pytest.mark.parametrize('seed', [1, 201])
-def test_unrelated_images_are_mostly_unknown(seed):
+def test_unrelated_images_are_refused(seed):
     generator = np.random.default_rng(seed)
     left, right = generator.integers(0, 256, (2, 240, 320)).astype(np.uint8)
-    found = Detector(pinhole(320, 240, 60.0, 0.06)).detect(left, right)
-    free = found.known & (found.mask == 0)
-    assert free.mean() < 0.25
+    with pytest.raises(UnjudgeablePairError, match='does not belong to the left one'):
+        Detector(pinhole(320, 240, 60.0, 0.06)).detect(left, right)
 
 
 @pytest.mark.parametrize(

@@ -31,30 +31,22 @@ def terrain_of(height_m=0.0, noise_m=0.005, step_px=30.0, measured=True):
     )
 
 
-def kept(terrain, probability=0.6, drawn=ROCK, unmeasured=False):
-    """How a drawn rock is judged as a whole: 'high', 'by sight' or ''."""
+def kept(terrain, probability=0.6, drawn=ROCK):
+    """Whether a drawn rock is kept; it is as a whole or not at all."""
     mask = np.zeros(SHAPE, bool)
     mask[drawn] = True
-    high, by_sight = too_high(
-        mask,
-        np.full(SHAPE, probability, np.float32),
-        terrain,
-        ~terrain.measured & unmeasured,
-        PARAMETERS,
-    )
-    for rocks in (high, by_sight):
-        assert rocks.dtype == np.bool_
-        assert rocks.sum() in (0, mask.sum())
-    assert not (high & by_sight).any()
-    return 'high' if high.any() else 'by sight' if by_sight.any() else ''
+    high = too_high(mask, np.full(SHAPE, probability, np.float32), terrain, PARAMETERS)
+    assert high.dtype == np.bool_
+    assert high.sum() in (0, mask.sum())
+    return high.any()
 
 
-@pytest.mark.parametrize(('height', 'expected'), [(0.05, ''), (0.095, ''), (0.11, 'high')])
+@pytest.mark.parametrize(('height', 'expected'), [(0.05, False), (0.095, False), (0.11, True)])
 def test_near_rock_has_to_be_as_high_as_the_step(height, expected):
     assert kept(terrain_of(height), 0.99) == expected
 
 
-@pytest.mark.parametrize(('height', 'expected'), [(0.06, ''), (0.08, 'high')])
+@pytest.mark.parametrize(('height', 'expected'), [(0.06, False), (0.08, True)])
 def test_small_rock_may_be_lower_since_matching_flattens_it(height, expected):
     assert kept(terrain_of(height, step_px=12.0)) == expected
 
@@ -67,10 +59,10 @@ def test_rock_has_to_rise_above_its_noise():
 @pytest.mark.parametrize(
     ('step_px', 'probability', 'measured', 'expected'),
     [
-        (5.0, 0.9, True, 'high'),
-        (5.0, 0.6, True, ''),
-        (15.0, 0.9, True, ''),
-        (5.0, 0.9, False, ''),
+        (5.0, 0.9, True, True),
+        (5.0, 0.6, True, False),
+        (15.0, 0.9, True, False),
+        (5.0, 0.9, False, False),
     ],
     ids=['likely and far', 'unlikely', 'near', 'without 3D'],
 )
@@ -80,8 +72,8 @@ def test_far_rock_is_accepted_by_its_looks(step_px, probability, measured, expec
 
 
 def test_stereo_can_rule_out_a_far_rock():
-    assert kept(terrain_of(0.01, noise_m=0.03, step_px=5.0), 0.9) == 'high'
-    assert kept(terrain_of(0.01, noise_m=0.015, step_px=5.0), 0.9) == ''
+    assert kept(terrain_of(0.01, noise_m=0.03, step_px=5.0), 0.9)
+    assert not kept(terrain_of(0.01, noise_m=0.015, step_px=5.0), 0.9)
 
 
 def test_far_rock_has_to_look_as_large_as_the_step():
@@ -90,27 +82,28 @@ def test_far_rock_has_to_look_as_large_as_the_step():
     assert not kept(terrain, 0.9, drawn=np.s_[22:28, 30:50])
 
 
-@pytest.mark.parametrize(
-    ('step_px', 'probability', 'in_range', 'expected'),
-    [
-        (12.0, 0.9, True, 'by sight'),
-        (12.0, 0.6, True, ''),
-        (20.0, 0.9, True, ''),
-        (12.0, 0.9, False, ''),
-    ],
-    ids=['likely and large', 'unlikely', 'small', 'out of range'],
-)
-def test_rock_without_3d_is_judged_by_looks_and_size(step_px, probability, in_range, expected):
-    terrain = terrain_of(0.0, step_px=step_px, measured=False)
-    assert kept(terrain, probability, unmeasured=in_range) == expected
+@pytest.mark.parametrize('step_px', [5.0, 12.0, 20.0])
+def test_looks_alone_make_no_rock(step_px):
+    assert not kept(terrain_of(0.0, step_px=step_px, measured=False), 0.99)
 
 
-def test_flat_ground_within_a_rock_without_3d_rules_it_out():
-    terrain = terrain_of(0.0, noise_m=0.005, step_px=12.0)
+@pytest.mark.parametrize(('measured_rows', 'expected'), [(1, False), (2, True)])
+def test_a_rock_may_be_mostly_in_shadow(measured_rows, expected):
+    # Of 16 rows; one in eight must be measured.
+    terrain = terrain_of(0.0)
+    terrain.height_m[20 : 36 - measured_rows, 30:50] = np.nan
+    terrain.height_m[36 - measured_rows : 36, 30:50] = 0.3
+    assert kept(terrain, 0.9) == expected
+
+
+def test_the_step_is_as_large_in_the_image_as_where_the_rock_is_measured():
+    # Pixels without 3D have no scale; they must not make the rock seem far away.
+    terrain = terrain_of(0.03, noise_m=0.1, step_px=15.0)
     terrain.height_m[20:30, 30:50] = np.nan
-    assert kept(terrain, 0.9, unmeasured=True) == ''
-    terrain.height_m[30:36, 30:50] = 0.3
-    assert kept(terrain, 0.9, unmeasured=True) != ''
+    terrain.pixels_per_metre[20:30, 30:50] = 0
+    assert not kept(terrain, 0.9)
+    terrain.pixels_per_metre[30:36, 30:50] = 5.0 / PARAMETERS.max_step_m
+    assert kept(terrain, 0.9)
 
 
 def test_core_needs_a_rock_that_mostly_stands_up():

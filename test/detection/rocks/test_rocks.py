@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+import pytest
 from relief import PosedCamera, block, flat
 
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
@@ -17,26 +19,31 @@ PARAMETERS = RockParameters(max_step_m=0.1)
 
 
 class Drawing:
-    """A network that gives every pixel the same probability, and records its windows."""
+    """A network that outlines what stands up, with one probability, and records its windows."""
 
-    def __init__(self, probability):
+    def __init__(self, probability, unmeasured=False):
         self.probability = probability
+        self.unmeasured = unmeasured
         self.windows = []
 
     def __call__(self, stereo, terrain, standing, window, parameters):
         self.windows.append(window)
         drawn = standing.parts[window] > 0
-        if not drawn.any():
-            drawn = ~terrain.measured[window]
+        if self.unmeasured:
+            drawn |= ~terrain.measured[window]
         return np.where(drawn, self.probability, 0).astype(np.float32)
 
 
-def find(height, draw, *, unmatched=None, rover_mask=None, parameters=PARAMETERS):
-    disparity, _, _ = POSED.look(height)
+@cache
+def seen_disparity(height):
+    return POSED.look(height)[0]
+
+
+def find(height, draw, *, unmatched=None, parameters=PARAMETERS):
+    disparity = seen_disparity(height).copy()
     if unmatched:
         disparity[unmatched] = 0
     stereo = POSED.stereo(disparity)
-    stereo = replace(stereo, frame=replace(stereo.frame, rover_mask=rover_mask))
     terrain = survey(stereo, TerrainParameters(max_step_m=parameters.max_step_m))
     standing = standing_parts(terrain, parameters)
     return outlined_rocks(stereo, terrain, standing, parameters, draw), standing.parts > 0
@@ -47,7 +54,6 @@ def test_outlined_rock_is_too_high():
     found, stands = find(ROCK, draw)
     assert stands.sum() > 100
     np.testing.assert_array_equal(found.high, stands)
-    assert not found.by_sight.any()
     assert (found.probability[stands] == np.float32(0.9)).all()
 
 
@@ -79,27 +85,51 @@ def test_network_sees_nothing_of_flat_ground():
     assert not found.high.any()
 
 
-def test_ground_without_3d_is_judged_by_sight():
-    gap = np.s_[60:110, 80:130]
-    found, _ = find(flat, Drawing(0.9), unmatched=gap)
-    assert found.by_sight[gap].all()
+def test_ground_without_3d_is_left_alone():
+    draw = Drawing(0.9)
+    found, _ = find(flat, draw, unmatched=np.s_[60:110, 80:130])
+    assert draw.windows == []
     assert not found.high.any()
 
 
-def test_rover_is_not_judged_by_sight():
-    gap = np.s_[60:110, 80:130]
-    rover_mask = np.zeros(POSED.camera.shape, bool)
-    rover_mask[gap] = True
-    draw = Drawing(0.9)
-    found, _ = find(flat, draw, unmatched=gap, rover_mask=rover_mask)
-    assert draw.windows == []
-    assert not found.by_sight.any()
+def shadowed(gap):
+    """The rock of this module with an area without 3D beside it, and what is drawn of it."""
+    draw = Drawing(0.9, unmeasured=True)
+    found, stands = find(ROCK, draw, unmatched=gap)
+    assert stands.any()
+    seen = np.zeros(stands.shape, bool)
+    for window in draw.windows:
+        seen[window] = True
+    return found, stands, seen
 
 
-def test_small_gaps_are_not_shown_to_the_network():
-    draw = Drawing(0.9)
-    find(flat, draw, unmatched=np.s_[60:68, 80:130])
-    assert draw.windows == []
+def test_network_sees_the_areas_without_3d_beside_what_stands_up():
+    _, whole = find(ROCK, Drawing(0.9))
+    rows, columns = np.nonzero(whole)
+    beside = np.s_[rows.min() : rows.max(), columns.max() + 1 : columns.max() + 40]
+    found, stands, seen = shadowed(beside)
+    assert seen[beside].all()
+    # The dark side belongs to the rock, as the network outlines both.
+    assert found.high[beside].all()
+    assert found.high[stands].all()
+
+
+@pytest.mark.parametrize(('rows', 'expected'), [(8, False), (16, True)])
+def test_network_is_not_shown_small_gaps(rows, expected):
+    _, whole = find(ROCK, Drawing(0.9))
+    middle = round(np.flatnonzero(whole.any(axis=1)).mean())
+    left = whole.any(axis=0).argmax()
+    gap = np.s_[middle - rows // 2 : middle + rows // 2, left - 70 : left]
+    _, _, seen = shadowed(gap)
+    assert seen[gap][:, 0].any() == expected
+
+
+def test_network_does_not_see_areas_without_3d_elsewhere():
+    _, whole = find(ROCK, Drawing(0.9))
+    away = np.s_[:40, :40]
+    assert not whole[:60, :60].any()
+    _, _, seen = shadowed(away)
+    assert not seen[:20, :20].any()
 
 
 def test_network_is_overruled_where_something_high_is_upright():

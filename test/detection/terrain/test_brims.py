@@ -1,0 +1,228 @@
+"""Ground that ends at a drop whose face cannot be seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from relief import PARAMETERS, PosedCamera, bank, block, flat
+from synthetic import pinhole
+
+from rover_obstacle_detection.detection.terrain.brims import find_brims
+
+# As many rows as in real images: a few of them are little ground.
+CAMERA = pinhole(44, 320, 60.0, 0.15)
+POSED = PosedCamera(CAMERA, pitch_deg=30.0, height_m=1.2)
+COLUMNS = POSED.camera.width
+
+
+def edge(depth_m=0.5, distance_m=2.0, turn=0.0):
+    """A lower floor beyond a line across the view, or one that recedes to the right."""
+    return lambda x, y: np.where(y > distance_m + turn * x, -depth_m, 0.0)
+
+
+def trench(depth_m, width_m, distance_m=1.5):
+    return lambda x, y: np.where((y > distance_m) & (y < distance_m + width_m), -depth_m, 0.0)
+
+
+def hole(distance_m, width_m):
+    return lambda x, y: np.where((abs(x) < width_m / 2) & (abs(y - distance_m - 1) < 1), -0.4, 0.0)
+
+
+class Found:
+    """Brims of ground matched without error, and the places that the pixels show."""
+
+    def __init__(self, height, *, posed=POSED, missing=None, noise_px=0.05, **parameters):
+        disparity, self.x, self.y = looked(posed, height)
+        if missing is not None:
+            disparity = np.where(missing(self.x, self.y), 0, disparity).astype(np.float32)
+        self.parameters = replace(PARAMETERS, **parameters)
+        self.disparity = disparity
+        self.brims = find_brims(posed.stereo(disparity, noise_px), self.parameters)
+        self.beyond = self.brims.beyond()
+        self.edge = self.brims.edge(self.parameters.brims)
+
+    @property
+    def columns(self):
+        return np.unique(self.brims.columns)
+
+    @property
+    def places(self):
+        """Places x, y of the last pixels before the brims."""
+        at = self.brims.rows, self.brims.columns
+        return self.x[at], self.y[at]
+
+
+@cache
+def looked(posed, height):
+    return posed.look(height)
+
+
+def test_level_ground_has_no_brim():
+    found = Found(flat)
+    assert not found.columns.size
+    assert not found.edge.any()
+    assert not found.beyond.any()
+
+
+@pytest.mark.parametrize('turn', [0.0, 0.4, -0.4])
+@pytest.mark.parametrize('depth_m', [0.15, 0.5, 2.0])
+def test_an_edge_is_a_brim_in_each_column(depth_m, turn):
+    found = Found(edge(depth_m, turn=turn))
+    assert found.columns.size > 0.97 * COLUMNS
+    assert found.brims.columns.size == found.columns.size, 'one in each'
+    x, y = found.places
+    before_m = 2 + turn * x - y
+    # Two rows of the image are up to 7 cm of ground.
+    assert before_m.min() > 0
+    assert np.quantile(before_m, 0.98) < 0.07
+    np.testing.assert_allclose(found.brims.level_m, 0, atol=1e-3)
+    assert found.brims.sure.all()
+
+
+def test_a_row_before_the_brim_is_followed_by_the_lower_floor():
+    found = Found(edge())
+    brims = found.brims
+    assert (found.y[brims.drop_rows - 1, brims.columns] > 2).all()
+    assert (brims.drop_rows <= brims.rows).all()
+
+
+@pytest.mark.parametrize(('depth_m', 'max_step_m', 'count'), [(0.08, 0.1, 0), (0.5, 0.6, 0)])
+def test_an_edge_no_higher_than_a_step_is_no_brim(depth_m, max_step_m, count):
+    assert Found(edge(depth_m), max_step_m=max_step_m).columns.size == count
+
+
+def test_noise_hides_a_brim():
+    assert Found(edge(0.2), noise_px=0.1).columns.size > 0.9 * COLUMNS
+    assert not Found(edge(0.2), noise_px=1.0).columns.size
+
+
+def test_the_last_pixels_before_a_brim_are_its_edge():
+    found = Found(edge())
+    p = found.parameters.brims
+    marked = found.edge.sum(axis=0)
+    assert (marked[found.columns] == p.blur_px + p.edge_px + 1).all()
+    assert np.nanmax(np.abs(np.where(found.edge, found.y, np.nan)[found.y < 2] - 2)) < 0.12
+    wider = replace(p, edge_px=6)
+    assert found.brims.edge(wider).sum() == found.columns.size * (p.blur_px + 7)
+
+
+def test_what_lies_lower_behind_a_brim_is_beyond_it():
+    found = Found(edge())
+    lower = (found.y > 2) & (found.disparity > 0)
+    assert not found.beyond[~lower].any()
+    # Matching blurs a jump, so that the next few rows above it do not count.
+    missed = (lower & ~found.beyond).sum(axis=0)
+    assert missed.max() < found.parameters.brims.reach_px
+    assert lower.sum(axis=0).min() > 100
+
+
+def test_the_ground_behind_a_trench_is_not_beyond_its_brim():
+    found = Found(trench(0.4, 1.0))
+    assert found.columns.size > 0.97 * COLUMNS
+    far = (found.y > 2.6) & (found.disparity > 0)
+    assert not found.beyond[far].any()
+    floor = (found.y > 2.1) & (found.y < 2.45)
+    assert floor.sum() > 500
+    assert found.beyond[floor].mean() > 0.97
+    assert not found.beyond[found.y < 1.5].any()
+
+
+def test_the_nearest_of_two_brims_counts():
+    def two(x, y):
+        return np.where(y > 3.0, -0.8, np.where(y > 1.5, -0.3, 0.0))
+
+    found = Found(two)
+    rows = np.bincount(found.brims.columns, minlength=COLUMNS)
+    assert (rows == 2).mean() > 0.9
+    levels = np.sort(found.brims.level_m)
+    np.testing.assert_allclose(levels[[5, -5]], [-0.3, 0], atol=0.01)
+    middle = (found.y > 1.7) & (found.y < 2.9)
+    assert found.beyond[middle].mean() > 0.93
+
+
+@pytest.mark.parametrize('angle_deg', [-8, -12, -16])
+def test_a_crest_is_no_brim(angle_deg):
+    # Where the slope begins, the ground is seen ever more obliquely.
+    found = Found(bank(angle_deg, 2.0, softness_m=0.25))
+    assert found.columns.size < 0.02 * COLUMNS
+
+
+def test_the_top_of_a_rock_is_no_brim():
+    found = Found(block(0.0, 1.8, 0.25, 0.3))
+    assert (found.disparity > 0).any()
+    assert not found.columns.size
+
+
+def test_the_far_rim_of_a_platform_is_a_brim_unless_it_is_on_an_obstacle():
+    found = Found(lambda x, y: np.where((abs(x) < 0.12) & (abs(y - 2) < 0.2), 0.2, 0.0))
+    assert 20 < found.columns.size < COLUMNS
+    np.testing.assert_allclose(found.brims.level_m, 0.2, atol=0.01)
+    left_part = np.zeros(found.disparity.shape, bool)
+    left_part[:, :22] = True
+    kept = found.brims.not_on(left_part)
+    expected = found.brims.columns >= 22
+    assert 0 < expected.sum() < expected.size
+    for name in ('rows', 'columns', 'drop_rows', 'sure', 'level_m'):
+        np.testing.assert_array_equal(
+            getattr(kept, name), getattr(found.brims, name)[expected], err_msg=name
+        )
+    assert not kept.beyond()[:, :22].any()
+    assert not found.brims.not_on(np.ones_like(left_part)).edge(found.parameters.brims).any()
+
+
+@pytest.mark.parametrize(('gap_m', 'is_found'), [(0.4, True), (1.4, False)])
+def test_a_brim_may_have_a_few_rows_without_a_match_above_it(gap_m, is_found):
+    # The sight line over the brim meets the lower floor 5.33 m ahead.
+    found = Found(edge(2.0), missing=lambda x, y: (y > 2.0) & (y < 5.33 + gap_m))
+    gap_rows = ((found.y > 2.0) & (found.y < 5.33 + gap_m)).sum(axis=0)
+    p = found.parameters.brims
+    assert (gap_rows < p.max_unseen_px + 2 * p.reach_px).all() == is_found
+    assert (found.columns.size > 0.97 * COLUMNS) == is_found
+    if is_found:
+        assert found.places[1].min() > 1.93
+    else:
+        assert not found.columns.size
+
+
+def test_what_ends_without_anything_seen_behind_it_is_no_brim():
+    found = Found(edge(0.5), missing=lambda x, y: y > 2.0)
+    assert not found.columns.size
+
+
+@pytest.mark.parametrize(
+    ('width_m', 'distance_m', 'is_found'),
+    [(0.1, 1.2, False), (0.2, 1.2, True), (0.2, 2.6, False), (0.4, 2.6, True)],
+)
+def test_brims_narrower_than_a_wheel_or_far_away_are_dropped(width_m, distance_m, is_found):
+    found = Found(hole(distance_m, width_m))
+    assert (found.columns.size > 0) == is_found
+    if is_found:
+        x, y = found.places
+        assert np.abs(x).max() < width_m / 2 + 0.03
+        assert np.median(y) == pytest.approx(distance_m, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ('height_m', 'is_found', 'is_sure'),
+    [(0.2, False, False), (0.34, True, False), (0.5, True, True)],
+)
+def test_flat_sight_lines_leave_doubt(height_m, is_found, is_sure):
+    # Seen under 6, 9.5 and 14 degrees.
+    posed = PosedCamera(CAMERA, pitch_deg=12.0, height_m=height_m)
+    found = Found(edge(0.5), posed=posed)
+    assert (found.columns.size > 0.9 * COLUMNS) == is_found
+    assert found.brims.sure.all() == is_sure or not is_found
+    assert found.edge.any() == is_sure
+    assert found.beyond.any() == is_found
+
+
+def test_images_of_a_few_rows_have_no_brims():
+    posed = replace(POSED, camera=CAMERA.resized(44, 8))
+    assert not Found(edge(), posed=posed).columns.size
+
+
+def test_without_any_match_there_is_no_brim():
+    assert not Found(edge(), missing=lambda x, y: y > -9).columns.size
