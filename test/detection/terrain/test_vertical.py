@@ -51,7 +51,7 @@ def test_vertical_does_not_depend_on_the_ground_plane():
     assert apart_deg(LEANING.normal, POSED.up) > 4
 
 
-@pytest.mark.parametrize(('rise_x', 'rise_y'), [(0.2, 0.0), (0.0, 0.2), (-0.15, -0.25)])
+@pytest.mark.parametrize(('rise_x', 'rise_y'), [(0.15, 0.0), (0.0, 0.15), (-0.1, -0.12)])
 def test_vertical_is_the_normal_of_a_slope_that_fills_the_view(rise_x, rise_y):
     assert apart_deg(vertical(tilted(rise_x, rise_y)), normal_of(rise_x, rise_y)) < 0.2
 
@@ -146,3 +146,7 @@ def test_ground_behind_the_camera_does_not_count():
 def test_ground_far_ahead_does_not_count():
     low = PosedCamera(pitch_deg=5.0)
     assert apart_deg(vertical(bank(3, 12.0), low), low.up) < 0.3
+
+
+def test_ground_far_off_the_plane_does_not_turn_the_vertical():
+    assert apart_deg(vertical(tilted(0.4, 0.0)), normal_of(0.0, 0.0)) < 1e-3
