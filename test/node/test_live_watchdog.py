@@ -102,7 +102,8 @@ def test_silent_camera_is_an_error_until_pairs_arrive(rover: WatchedRover) -> No
     rover.wait_for(
         lambda: rover.send() and 'pairs per second' in rover.diagnostics.message('stereo input')
     )
-    assert rover.process.output.count('pairs arrive again') == 1
+    # On a busy machine, more than one silence may pass.
+    assert 'pairs arrive again' in rover.process.output
 
 
 def test_same_pixels_are_no_fault_without_the_watchdog(rover: WatchedRover) -> None:
