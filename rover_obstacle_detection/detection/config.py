@@ -127,7 +127,7 @@ class DetectorConfig:
     gravity_source: str = _parameter(
         'estimate',
         'Source of the vertical: estimated from the visible ground; parameters (camera_pitch, '
-        'camera_roll, camera_height); the imu topic; or TF.',
+        'camera_roll); the imu topic; or TF.',
         choices=GRAVITY_SOURCES,
     )
     camera_pitch: float = _parameter(
@@ -145,7 +145,7 @@ class DetectorConfig:
     camera_height: float = _parameter(
         0.0,
         'Height of the left camera above the ground (m), whatever the source of the vertical; '
-        '0: unknown.',
+        '0: unknown. Set it: a contradiction, as with a wrong baseline, gives a warning.',
         0.0,
         20.0,
     )

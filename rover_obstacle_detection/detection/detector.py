@@ -96,6 +96,8 @@ class Detector:
         ------
         ImageError
             If an image has another size than the camera, or is not an image.
+        UnjudgeablePairError
+            If the pair says nothing about the ground, or contradicts itself (method `hybrid`).
         """
         pair = grey_pair(left, right, self.camera)
         if self.config.equalize_histogram:

@@ -1,1 +1,1 @@
-"""Cameras, the ground plane and points: from disparity to metres."""
+"""Cameras, points and the ground plane; warnings where it contradicts what is known."""

@@ -1,1 +1,1 @@
-"""The detection methods: each composes the stages."""
+"""The detection methods: each composes the stages and decides what is free."""

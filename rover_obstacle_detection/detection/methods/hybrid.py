@@ -104,6 +104,11 @@ def detect_hybrid(
     finished : callable
         Called with the name of each stage when it ends.
     stages : HybridStages
+
+    Raises
+    ------
+    UnjudgeablePairError
+        If the pair says nothing about the ground, or contradicts itself.
     """
     p = parameters
     frame, correction, stereo, terrain, brims, plain, warnings = measure(
@@ -162,6 +167,11 @@ def measure(
     finished : callable
         Called with the name of each stage when it ends.
     stages : HybridStages
+
+    Raises
+    ------
+    UnjudgeablePairError
+        If the pair says nothing about the ground, or contradicts itself.
     """
     p = parameters
     check_baseline(frame.camera, p.ground_check)

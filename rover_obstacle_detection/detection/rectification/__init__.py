@@ -1,1 +1,1 @@
-"""Residual rectification errors, rows that are off and lens distortion, and their correction."""
+"""Residual rectification errors (row misalignment, lens distortion) and their correction."""

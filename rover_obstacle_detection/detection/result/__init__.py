@@ -1,1 +1,1 @@
-"""The detection: cues, mask, clouds, obstacles and their confidence."""
+"""The detection: cues, mask, known pixels, clouds, obstacles and their confidence."""

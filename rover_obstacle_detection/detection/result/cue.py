@@ -19,11 +19,11 @@ class Cue(IntFlag):
     HEIGHT
         It stands above the local ground.
     SLOPE
-        The ground is too steep.
+        The ground is too steep, or there is no ground in view.
     DROP
-        The ground lies too far below its rim.
+        The ground ends at the brim of a drop, or lies too far below the rim of a hollow.
     GREY_LEVEL
-        It has no 3D, and looks like an obstacle in the image.
+        It is dark and has hardly any 3D (method `study`).
     ROUGHNESS_STEP
         The ground is too rough.
     """

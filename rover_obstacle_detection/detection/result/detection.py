@@ -65,7 +65,9 @@ class Detection:
     cues : ndarray of uint8, shape (height, width)
         What made each pixel an obstacle: the flags of `Cue`, 0 where nothing did.
     known : ndarray of bool, shape (height, width)
-        Pixels that were judged. The others are unknown, not free.
+        Obstacles and free pixels. The others are unknown, not free. With method `hybrid`, a free
+        pixel is measured, supported by both images, within a step of the local ground, and not
+        lower ground behind the brim of a drop.
     mask : ndarray of uint8, shape (height, width)
         The obstacle mask: 0 free or unknown, 255 obstacle.
     study : StudyProducts

@@ -32,8 +32,8 @@ class Obstacle:
         Confidence that this is an obstacle, 0 to 1.
     kind : str
         What it is, by the cue of most of its pixels: ``rock`` (anything that stands above the
-        ground), ``slope``, ``drop``, ``unmeasured`` (it has no 3D, but looks like an obstacle) or
-        ``rough``.
+        ground), ``slope``, ``drop``, ``rough``, or with method `study` ``unmeasured`` (it is dark
+        and has hardly any 3D).
 
     Notes
     -----

@@ -1,1 +1,1 @@
-"""What stands on the ground: evidence, outlines and which rocks are too high."""
+"""What stands on the ground: candidates, their outlines, and which are too high."""

@@ -1,1 +1,1 @@
-"""From a grey pair to disparity over the ground plane, with its noise."""
+"""From a grey pair to disparity that both images support, with its noise; refused pairs."""

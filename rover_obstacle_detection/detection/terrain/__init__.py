@@ -1,1 +1,1 @@
-"""The terrain in view: local ground, slope, drop and the vertical."""
+"""The terrain in view: local ground, vertical, slopes, drops and their brims, walls."""

@@ -31,9 +31,7 @@ class Rise:
     noise: Grid
 
 
-def ground_rise(
-    layer: Layer, surface: NDArray[np.bool_], parameters: TerrainParameters
-) -> Rise:
+def ground_rise(layer: Layer, surface: NDArray[np.bool_], parameters: TerrainParameters) -> Rise:
     """Measure the rise at rover scale, and more widely where noise would look like a slope.
 
     Parameters

@@ -126,7 +126,8 @@ def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     """
     noise_m = parameters.certain_noises * terrain.noise_m
     with np.errstate(invalid='ignore'):
-        return np.asarray(terrain.height_m > parameters.min_wall_m + noise_m)
+        high = terrain.height_m > parameters.min_wall_m + noise_m
+    return np.asarray(high & _quiet(terrain, parameters))
 
 
 def level_heights_known(terrain: Terrain, parameters: TerrainParameters) -> Mask:

@@ -54,6 +54,9 @@ class VerticalParameters:
         Smaller bends are undulation.
     max_cost_share : float
         Cost of a bent fit, relative to a flat one, above which there is no bend.
+    max_turn_deg : float
+        Greatest angle between the vertical and the normal of the ground plane; beyond it, the
+        normal counts. Derived: it exceeds the differences on slopes and dunes.
     level_share : float
         Nearer share of the ground before the bend that is fitted once more by itself.
     """
@@ -80,6 +83,7 @@ class VerticalParameters:
     cost_tolerance: float = 0.1
     min_bend_deg: float = 6.0
     max_cost_share: float = 0.6
+    max_turn_deg: float = 10.0
     level_share: float = 0.5
 
 
@@ -125,8 +129,10 @@ class BrimParameters:
     max_unseen_px : int
         Rows without a match that a brim may have above it. Derived: matching leaves gaps at jumps.
     blur_px, edge_px : int
-        Rows above and below the last match before a brim that are marked. Derived: matching may
-        place a brim a few pixels too high, and a planner needs some points to see it.
+        Rows above the last match before a brim that are marked, and least number below it.
+        Derived: matching may place a brim a few pixels off.
+    margin_m : float
+        Ground before a brim that is marked. Derived: the contact patch of a wheel.
     noises : float
         Standard deviations by which a drop exceeds the step. Derived: the usual three.
     min_hidden_share : float
@@ -155,6 +161,7 @@ class BrimParameters:
     max_unseen_px: int = 12
     blur_px: int = 1
     edge_px: int = 2
+    margin_m: float = 0.1
     noises: float = 3.0
     min_hidden_share: float = 0.6
     min_sight_deg: float = 8.0

@@ -64,7 +64,11 @@ def estimate_vertical(
         rises = _fit(cells, None, 1.0, p)[0][1:3]
     right, forward = ground_axes(ground)
     normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
-    x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
+    normal /= np.linalg.norm(normal)
+    if float(normal @ np.asarray(ground.up)) < math.cos(math.radians(p.max_turn_deg)):
+        # The plane lies on the nearest ground: so much can only be a drop or a wall.
+        return ground.up
+    x, y, z = (float(value) for value in normal)
     return x, y, z
 
 
