@@ -70,7 +70,9 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from live_graph import write_stereo_bag
 
     path = tmp_path_factory.mktemp('recorded') / 'bag'
-    write_stereo_bag(path, exposures()[0], [START_NS + number * SECOND // 10 for number in range(10)])
+    write_stereo_bag(
+        path, exposures()[0], [START_NS + number * SECOND // 10 for number in range(10)]
+    )
     return path
 
 

@@ -13,19 +13,25 @@ from rover_obstacle_detection.detection.terrain.elevation_map import map_positio
 from rover_obstacle_detection.detection.terrain.hazards import (
     dropping_ground,
     known_heights,
+    level_heights_known,
     rough_ground,
     steep_ground,
+    tall,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 
 POSED = PosedCamera(pitch_deg=40.0, height_m=1.5)
 
 
-def surveyed(height, ground=POSED.level_ground, noise_px=0.02, **parameters):
-    """Steep and dropping ground, and the measured x and y of each pixel."""
+def surveyed(height, ground=POSED.level_ground, noise_px=0.02, objects=None, **parameters):
+    """Steep and dropping ground, and the measured x and y of each pixel.
+
+    `objects` tells from x and y what stands on the ground.
+    """
     parameters = replace(PARAMETERS, **parameters)
     terrain, _, x, y = POSED.survey(height, noise_px, ground, parameters)
-    steep = steep_ground(terrain, ground, parameters)
+    objects = objects(x, y) if objects else np.zeros(terrain.height_m.shape, bool)
+    steep = steep_ground(terrain, ground, objects, parameters)
     dropped = dropping_ground(terrain, ground, parameters)
     assert not (steep | dropped)[~terrain.measured].any()
     return steep, dropped, *(np.where(terrain.measured, place, np.nan) for place in (x, y))
@@ -74,9 +80,22 @@ def test_slope_is_measured_against_the_vertical():
 
 
 def test_rocks_are_neither_steep_nor_dropping():
-    steep, dropped, *_ = surveyed(together(block(0, 2, 0.4, 0.3), block(0.8, 3, 0.5, 0.4)))
+    def on_rocks(x, y):
+        near = np.maximum(abs(x), abs(y - 2)) < 0.22
+        return near | (np.maximum(abs(x - 0.8), abs(y - 3)) < 0.27)
+
+    rocks = together(block(0, 2, 0.4, 0.3), block(0.8, 3, 0.5, 0.4))
+    steep, dropped, *_ = surveyed(rocks, objects=on_rocks)
     assert steep.mean() < 0.005
     assert not dropped.any()
+
+
+def test_faces_too_steep_for_ground_are_steep_unless_they_are_objects():
+    # As the rocks above, and as large, but part of the ground.
+    steep, _, x, y = surveyed(together(block(0, 2, 0.4, 0.3), block(0.8, 3, 0.5, 0.4)))
+    faces = np.maximum(abs(x), abs(y - 2)) < 0.22
+    assert steep[faces].mean() > 0.3
+    assert not steep[y < 1.4].any()
 
 
 @pytest.mark.parametrize(('depth', 'found'), [(0.3, 1), (0.08, 0)])
@@ -168,3 +187,45 @@ def test_height_is_known_where_a_step_would_show():
     assert known_heights(terrain, PARAMETERS).tolist() == [True, True, False, False, False]
     higher = replace(PARAMETERS, max_step_m=0.2)
     assert known_heights(terrain, higher).tolist() == [True, True, True, False, False]
+
+
+def test_what_is_measured_beyond_a_step_is_not_known_to_be_level():
+    height_m = np.array([0, 0.099, -0.099, 0.105, 0.2, -0.2, 0.12, 0.12, np.nan], np.float32)
+    noise_m = np.array([0, 0, 0, 0.002, 0.002, 0.002, 0.006, 0.007, 0.001], np.float32)
+    found = level_heights_known(terrain_of(height_m, noise_m), PARAMETERS)
+    assert found.tolist() == [True, True, True, True, False, False, False, True, False]
+    higher = replace(PARAMETERS, max_step_m=0.21)
+    assert level_heights_known(terrain_of(height_m, noise_m), higher)[:-1].all()
+
+
+def test_a_level_height_is_known_if_a_step_would_show():
+    noisy = terrain_of(np.zeros(2, np.float32), np.array([0.049, 0.051], np.float32))
+    assert level_heights_known(noisy, PARAMETERS).tolist() == [True, False]
+
+
+def patches_of(heights_m, noises_m=0.0):
+    """Upright patches, 0.5 m high in the image and apart from each other, on level ground."""
+    height_m = np.zeros((60, 20 * len(heights_m)), np.float32)
+    noise_m = np.zeros_like(height_m)
+    for number, each in enumerate(np.broadcast_arrays(heights_m, noises_m)[0]):
+        height_m[5:55, 20 * number : 20 * number + 15] = each
+    for number, each in enumerate(np.broadcast_arrays(noises_m, heights_m)[0]):
+        noise_m[:, 20 * number : 20 * number + 20] = each
+    return terrain_of(height_m, noise_m)
+
+
+def are_tall(heights_m, noises_m=0.0, **parameters):
+    """Whether each patch is tall: all of it or nothing."""
+    terrain = patches_of(heights_m, noises_m)
+    found = tall(terrain, replace(PARAMETERS, **parameters))
+    assert not found[terrain.height_m == 0].any()
+    inside = [found[5:55, 20 * n : 20 * n + 15] for n in range(len(heights_m))]
+    assert all(each.all() == each.any() for each in inside)
+    return [bool(each.any()) for each in inside]
+
+
+def test_tall_is_what_exceeds_rocks_and_noise():
+    heights_m = [0.45, 0.55, 0.8, 0.8, -3.0, np.nan]
+    noises_m = [0.001, 0.001, 0.09, 0.11, 0.001, 0.001]
+    assert are_tall(heights_m, noises_m) == [False, True, True, False, False, False]
+    assert are_tall([0.45, 0.55], 0.001, min_wall_m=0.4) == [True, True]

@@ -53,7 +53,17 @@ def test_vertical_does_not_depend_on_the_ground_plane():
 
 @pytest.mark.parametrize(('rise_x', 'rise_y'), [(0.2, 0.0), (0.0, 0.2), (-0.15, -0.25)])
 def test_vertical_is_the_normal_of_a_slope_that_fills_the_view(rise_x, rise_y):
-    assert apart_deg(vertical(tilted(rise_x, rise_y)), normal_of(rise_x, rise_y)) < 0.2
+    near = tuple(normal_of(0.6 * rise_x, 0.6 * rise_y))
+    found = vertical(tilted(rise_x, rise_y), ground=GroundPlane(near, POSED.height_m, near))
+    assert apart_deg(found, normal_of(rise_x, rise_y)) < 0.2
+
+
+@pytest.mark.parametrize(('rise', 'is_kept'), [(0.15, False), (0.2, True)])
+def test_the_plane_keeps_its_vertical_if_the_ground_turns_too_far_from_it(rise, is_kept):
+    # 8.5 and 11.3 degrees.
+    found = vertical(tilted(0.0, rise))
+    expected = POSED.up if is_kept else normal_of(0.0, rise)
+    assert apart_deg(found, expected) < 0.2
 
 
 @pytest.mark.parametrize('softness', [0.0, 0.2], ids=['sharp', 'soft'])
@@ -82,7 +92,7 @@ def test_cells_with_little_information_hardly_count():
     for layer in terrain.layers:
         rows, columns = np.indices(layer.ground_m.shape)
         known = rows < 0.3 * len(layer.ground_m)
-        ground_m = np.where(known, layer.ground_m, 0.2 * columns * layer.positions.cell_m)
+        ground_m = np.where(known, layer.ground_m, 0.1 * columns * layer.positions.cell_m)
         information = np.where(known, np.float32(1e9), np.float32(10))
         unknown.append(replace(layer, ground_m=ground_m, information=information))
         trusted.append(replace(unknown[-1], information=np.full_like(information, 1e9)))
