@@ -115,7 +115,7 @@ def detect_hybrid(
     frame, correction, stereo, terrain, brims, plain, warnings = measure(
         frame, p, finished, stages
     )
-    layers = terrain.layers
+    steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
@@ -125,9 +125,6 @@ def detect_hybrid(
     finished('height')
     rocks = outlined_rocks(stereo, terrain, standing, p.rocks, stages.outlines)
     finished('outlines')
-    objects = rocks.probability > p.rocks.outline_probability
-    steep = stages.slope(replace(terrain, layers=layers), stereo.ground, objects, p.terrain)
-    finished('slope')
     brims = brims.not_on(rocks.high)
     dropped |= brims.edge(p.terrain.brims)
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)

@@ -47,8 +47,6 @@ class Brims:
         Row of each brim: above it in its column lies what is behind.
     sure : ndarray of bool, shape (n,)
         Brims that are seen steeply enough to tell them from the crest of gentle ground.
-    margin_px : ndarray of int, shape (n,)
-        Rows of the ground before each brim that are too near to it.
     level_m : ndarray of float32, shape (n,)
         Height of the ground at each brim, metres.
     surface : Surface
@@ -59,7 +57,6 @@ class Brims:
     columns: Rows
     drop_rows: Rows
     sure: Mask
-    margin_px: Rows
     level_m: Image
     surface: Surface
 
@@ -72,19 +69,16 @@ class Brims:
             columns=self.columns[kept],
             drop_rows=self.drop_rows[kept],
             sure=self.sure[kept],
-            margin_px=self.margin_px[kept],
             level_m=self.level_m[kept],
         )
 
     def edge(self, parameters: BrimParameters) -> Mask:
-        """Mark the ground shortly before each sure brim, shape (height, width)."""
-        last = len(self.surface.height_m) - 1
-        first = np.maximum(self.rows - parameters.blur_px, 0)
-        end = np.minimum(self.rows + np.maximum(self.margin_px, parameters.edge_px), last)
-        change = np.zeros((last + 2, self.surface.height_m.shape[1]), np.int16)
-        np.add.at(change, (first[self.sure], self.columns[self.sure]), 1)
-        np.add.at(change, (end[self.sure] + 1, self.columns[self.sure]), -1)
-        return np.asarray(np.cumsum(change, axis=0)[:-1] > 0)
+        """Mark the last few pixels of the ground before each sure brim, shape (height, width)."""
+        edge = np.zeros(self.surface.height_m.shape, np.bool_)
+        rows, columns = self.rows[self.sure], self.columns[self.sure]
+        for step in range(-parameters.blur_px, parameters.edge_px + 1):
+            edge[np.clip(rows + step, 0, len(edge) - 1), columns] = True
+        return edge
 
     def beyond(self) -> Mask:
         """Mark the pixels behind a brim that lie lower than the rover can step.
@@ -133,8 +127,7 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 1), columns]
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
-    margin_px = np.rint(p.margin_m * surface.rows_per_metre(brim)).astype(np.intp)
-    return Brims(rows, columns, drop_rows, sure, margin_px, brim.height_m, surface.limits())
+    return Brims(rows, columns, drop_rows, sure, brim.height_m, surface.limits())
 
 
 class _Surface:

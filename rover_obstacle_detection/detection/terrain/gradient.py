@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.terrain.elevation_map import Grid
 from rover_obstacle_detection.detection.terrain.local_regression import LocalPlanes, local_planes
@@ -31,14 +30,12 @@ class Rise:
     noise: Grid
 
 
-def ground_rise(layer: Layer, surface: NDArray[np.bool_], parameters: TerrainParameters) -> Rise:
+def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
     """Measure the rise at rover scale, and more widely where noise would look like a slope.
 
     Parameters
     ----------
     layer : Layer
-    surface : ndarray of bool, shape of the map
-        Cells that show the surface of the ground.
     parameters : TerrainParameters
 
     Notes
@@ -50,7 +47,7 @@ def ground_rise(layer: Layer, surface: NDArray[np.bool_], parameters: TerrainPar
     """
     tolerated = math.tan(math.radians(parameters.tolerated_rise_noise_deg))
     cell_m = layer.positions.cell_m
-    trust = layer.information * surface
+    trust = layer.information * layer.is_ground
     scales = sorted({max(scale_m / cell_m, 1.0) for scale_m in parameters.rise_scales_m})
     narrow = _rise_at(layer.mean_m, trust, scales[0], cell_m, parameters)
     right, forward, noise = narrow.right, narrow.forward, narrow.noise

@@ -23,9 +23,7 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 Mask = NDArray[np.bool_]
 
 
-def steep_ground(
-    terrain: Terrain, ground: GroundPlane, objects: Mask, parameters: TerrainParameters
-) -> Mask:
+def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
     """Find the pixels of ground that is steeper than the rover can climb.
 
     Parameters
@@ -33,21 +31,11 @@ def steep_ground(
     terrain : Terrain
     ground : GroundPlane
         With the vertical that slopes are measured against.
-    objects : ndarray of bool, shape (height, width)
-        What stands on the ground, such as rocks of any size.
     parameters : TerrainParameters
     """
 
     def steep(layer: Layer) -> Mask:
-        faces = layer.without(objects).seen & ~layer.is_ground
-        found = steep_cells(ground_rise(layer, layer.is_ground, parameters), ground, parameters)
-        kernel = np.ones((3, 3), np.uint8)
-        faces &= cv2.erode(layer.without(objects).seen.astype(np.uint8), kernel) > 0
-        if faces.any():
-            surface = layer.is_ground | faces
-            rise = ground_rise(layer, surface, parameters)
-            found |= faces & steep_cells(rise, ground, parameters)
-        return found
+        return steep_cells(ground_rise(layer, parameters), ground, parameters)
 
     return _pixels_of_cells(terrain, steep) & _quiet(terrain, parameters)
 
@@ -127,7 +115,17 @@ def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     noise_m = parameters.certain_noises * terrain.noise_m
     with np.errstate(invalid='ignore'):
         high = terrain.height_m > parameters.min_wall_m + noise_m
-    return np.asarray(high & _quiet(terrain, parameters))
+    high &= _quiet(terrain, parameters)
+    # What is small and high up stands on nothing: a false match.
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(
+        high.astype(np.uint8), connectivity=8
+    )
+    pixels = np.maximum(np.bincount(labels[high], minlength=count), 1)
+    scale = np.bincount(labels[high], weights=terrain.pixels_per_metre[high], minlength=count)
+    height_m = boxes[:, cv2.CC_STAT_HEIGHT] * pixels / np.maximum(scale, 1e-6)
+    large = height_m > parameters.min_wall_share * parameters.min_wall_m
+    large[0] = False
+    return np.asarray(large[labels])
 
 
 def level_heights_known(terrain: Terrain, parameters: TerrainParameters) -> Mask:

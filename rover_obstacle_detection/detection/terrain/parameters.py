@@ -129,10 +129,8 @@ class BrimParameters:
     max_unseen_px : int
         Rows without a match that a brim may have above it. Derived: matching leaves gaps at jumps.
     blur_px, edge_px : int
-        Rows above the last match before a brim that are marked, and least number below it.
-        Derived: matching may place a brim a few pixels off.
-    margin_m : float
-        Ground before a brim that is marked. Derived: the contact patch of a wheel.
+        Rows above and below the last match before a brim that are marked. Derived: matching may
+        place a brim a few pixels too high, and a planner needs some points to see it.
     noises : float
         Standard deviations by which a drop exceeds the step. Derived: the usual three.
     min_hidden_share : float
@@ -161,7 +159,6 @@ class BrimParameters:
     max_unseen_px: int = 12
     blur_px: int = 1
     edge_px: int = 2
-    margin_m: float = 0.1
     noises: float = 3.0
     min_hidden_share: float = 0.6
     min_sight_deg: float = 8.0
@@ -257,6 +254,8 @@ class TerrainParameters:
         Height from which something is an obstacle whatever the network says, and continues into
         the left border as far as it is high. Derived: higher than most rocks, and than errors of
         the local ground.
+    min_wall_share : float
+        Share of that height that must be seen, as false matches are small.
     certain_noises : float
         Standard deviations by which a height exceeds that, or the step. Derived: the usual three.
     border_px : float
@@ -311,6 +310,7 @@ class TerrainParameters:
     max_ground_noise_share: float = 1.5
     border_reach_m: float = 0.35
     min_wall_m: float = 0.5
+    min_wall_share: float = 0.5
     certain_noises: float = 3.0
     border_px: float = 5
     min_border_slope_share: float = 0.0025

@@ -67,7 +67,7 @@ class Layer:
             return self
         weight = self.positions.inside.astype(np.float32)
         share, _ = cell_means(excluded.astype(np.float32), weight, self.positions)
-        return replace(self, seen=self.seen & (share < 0.3))
+        return replace(self, seen=self.seen & (share < 0.5))
 
 
 @dataclass(frozen=True, eq=False)
