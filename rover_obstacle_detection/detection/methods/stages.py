@@ -58,7 +58,7 @@ class HybridStages:
     vertical: Callable[[Sequence[Layer], GroundPlane, TerrainParameters], Vector] = (
         estimate_vertical
     )
-    slope: Callable[[Terrain, GroundPlane, Mask, TerrainParameters], Mask] = steep_ground
+    slope: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = steep_ground
     drop: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = dropping_ground
     outlines: Draw = network_outlines
     doubt: Callable[[Detection], Detection] = without_doubtful

@@ -118,15 +118,8 @@ def _vertical_of_plane(
     return ground.up
 
 
-def _no_slope(
-    terrain: Terrain, ground: GroundPlane, objects: Mask, parameters: TerrainParameters
-) -> Mask:
-    """Find no steep ground."""
-    return np.zeros(terrain.height_m.shape, np.bool_)
-
-
-def _no_drop(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
-    """Find no lower ground."""
+def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
+    """Find no impassable ground."""
     return np.zeros(terrain.height_m.shape, np.bool_)
 
 
@@ -186,8 +179,8 @@ ABLATIONS: Mapping[str, HybridStages] = {
     'brims': replace(HYBRID_STAGES, brims=_no_brims),
     'layers': replace(HYBRID_STAGES, survey=_single_layer),
     'vertical': replace(HYBRID_STAGES, vertical=_vertical_of_plane),
-    'slope': replace(HYBRID_STAGES, slope=_no_slope),
-    'drop': replace(HYBRID_STAGES, drop=_no_drop),
+    'slope': replace(HYBRID_STAGES, slope=_no_ground),
+    'drop': replace(HYBRID_STAGES, drop=_no_ground),
     'outlines': replace(HYBRID_STAGES, outlines=_outlines_by_height),
     'parallax': replace(HYBRID_STAGES, outlines=_outlines_without_parallax),
     'sight': replace(HYBRID_STAGES, outlines=_outlines_without_sight),

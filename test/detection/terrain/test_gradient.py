@@ -18,7 +18,7 @@ def nearest_layer(height):
 
 def angles_deg(layer):
     """Angle of the rise of each cell, and the noise of the rise."""
-    rise = ground_rise(layer, layer.is_ground, PARAMETERS)
+    rise = ground_rise(layer, PARAMETERS)
     assert rise.right.dtype == rise.forward.dtype == rise.noise.dtype == np.float32
     return np.degrees(np.arctan(np.hypot(rise.right, rise.forward))), rise.noise
 
@@ -80,7 +80,7 @@ def test_tiny_and_empty_maps_are_flat(shape, seen):
         ground_m=zero,
     )
     rise, (height_m, noise_m) = (
-        ground_rise(small, small.is_ground, PARAMETERS),
+        ground_rise(small, PARAMETERS),
         ground_height(small, PARAMETERS),
     )
     for grid in (rise.right, rise.forward, height_m):
@@ -97,7 +97,7 @@ def test_noise_widens_the_scale():
     spreads, noises = [], []
     for divisor in (1, 8, 64, 512):
         noisy = replace(layer, mean_m=wavy, information=layer.information / divisor)
-        rise = ground_rise(noisy, noisy.is_ground, PARAMETERS)
+        rise = ground_rise(noisy, PARAMETERS)
         spreads.append(rise.forward[20:-20, 20:-20].std())
         noises.append(np.median(rise.noise[layer.is_ground]))
     assert (np.diff(spreads) < 0).all()

@@ -23,15 +23,11 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 POSED = PosedCamera(pitch_deg=40.0, height_m=1.5)
 
 
-def surveyed(height, ground=POSED.level_ground, noise_px=0.02, objects=None, **parameters):
-    """Steep and dropping ground, and the measured x and y of each pixel.
-
-    `objects` tells from x and y what stands on the ground.
-    """
+def surveyed(height, ground=POSED.level_ground, noise_px=0.02, **parameters):
+    """Steep and dropping ground, and the measured x and y of each pixel."""
     parameters = replace(PARAMETERS, **parameters)
     terrain, _, x, y = POSED.survey(height, noise_px, ground, parameters)
-    objects = objects(x, y) if objects else np.zeros(terrain.height_m.shape, bool)
-    steep = steep_ground(terrain, ground, objects, parameters)
+    steep = steep_ground(terrain, ground, parameters)
     dropped = dropping_ground(terrain, ground, parameters)
     assert not (steep | dropped)[~terrain.measured].any()
     return steep, dropped, *(np.where(terrain.measured, place, np.nan) for place in (x, y))
@@ -80,22 +76,9 @@ def test_slope_is_measured_against_the_vertical():
 
 
 def test_rocks_are_neither_steep_nor_dropping():
-    def on_rocks(x, y):
-        near = np.maximum(abs(x), abs(y - 2)) < 0.22
-        return near | (np.maximum(abs(x - 0.8), abs(y - 3)) < 0.27)
-
-    rocks = together(block(0, 2, 0.4, 0.3), block(0.8, 3, 0.5, 0.4))
-    steep, dropped, *_ = surveyed(rocks, objects=on_rocks)
+    steep, dropped, *_ = surveyed(together(block(0, 2, 0.4, 0.3), block(0.8, 3, 0.5, 0.4)))
     assert steep.mean() < 0.005
     assert not dropped.any()
-
-
-def test_faces_too_steep_for_ground_are_steep_unless_they_are_objects():
-    # As the rocks above, and as large, but part of the ground.
-    steep, _, x, y = surveyed(together(block(0, 2, 0.4, 0.3), block(0.8, 3, 0.5, 0.4)))
-    faces = np.maximum(abs(x), abs(y - 2)) < 0.22
-    assert steep[faces].mean() > 0.3
-    assert not steep[y < 1.4].any()
 
 
 @pytest.mark.parametrize(('depth', 'found'), [(0.3, 1), (0.08, 0)])
@@ -229,3 +212,12 @@ def test_tall_is_what_exceeds_rocks_and_noise():
     noises_m = [0.001, 0.001, 0.09, 0.11, 0.001, 0.001]
     assert are_tall(heights_m, noises_m) == [False, True, True, False, False, False]
     assert are_tall([0.45, 0.55], 0.001, min_wall_m=0.4) == [True, True]
+
+
+def test_what_is_small_and_high_up_is_not_tall():
+    # A false match: nothing that low stands 2 m high. The parts of a wall are larger.
+    height_m = np.zeros((60, 60), np.float32)
+    height_m[10:30, 5:20], height_m[10:36, 30:45] = 2.0, 2.0
+    found = tall(terrain_of(height_m, 0.001), PARAMETERS)
+    assert not found[:, :25].any()
+    np.testing.assert_array_equal(found[:, 25:], height_m[:, 25:] > 0)
