@@ -83,7 +83,7 @@ class VerticalParameters:
     cost_tolerance: float = 0.1
     min_bend_deg: float = 6.0
     max_cost_share: float = 0.6
-    max_turn_deg: float = 10.0
+    max_turn_deg: float = 15.0
     level_share: float = 0.5
 
 

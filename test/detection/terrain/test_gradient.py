@@ -79,10 +79,7 @@ def test_tiny_and_empty_maps_are_flat(shape, seen):
         noise_m=zero,
         ground_m=zero,
     )
-    rise, (height_m, noise_m) = (
-        ground_rise(small, PARAMETERS),
-        ground_height(small, PARAMETERS),
-    )
+    rise, (height_m, noise_m) = ground_rise(small, PARAMETERS), ground_height(small, PARAMETERS)
     for grid in (rise.right, rise.forward, height_m):
         np.testing.assert_allclose(grid, zero, atol=1e-4)
     for grid in (rise.noise, noise_m):
