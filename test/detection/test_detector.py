@@ -312,7 +312,7 @@ def test_unrelated_images_give_consistent_products_of_the_study():
 
 
 def test_unrelated_images_are_refused_by_the_hybrid():
-    with pytest.raises(UnjudgeablePairError, match='does not belong to the left one'):
+    with pytest.raises(UnjudgeablePairError):
         detector().detect(*unrelated_images())
 
 

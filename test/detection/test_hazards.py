@@ -52,6 +52,8 @@ REFUSED = {
     'blind_left_covered_study': 'the left image shows hardly any texture.*covered or fogged lens',
     'blind_same_image_twice_low': 'both images are the same',
     'blind_another_moment_aside_study': 'the right image does not belong to the left one',
+    'blind_exchanged_low': 'the right image does not belong to the left one',
+    'blind_underexposed_0.005_study': 'neither image shows any texture: it is black',
     'blind_upside_down_mast': 'the ground is at the top of the images',
     'faulty_defocused_left_4_mast': 'the left image is out of focus or smeared',
     'faulty_rows_off_8_study': 'the right image is 8 rows higher than the left one',

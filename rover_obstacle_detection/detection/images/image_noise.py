@@ -94,6 +94,30 @@ def smoothed_against_noise(pair: GreyPair, share: float, parameters: ImageParame
     return left, right
 
 
+def remaining_noise(share: float, parameters: ImageParameters) -> float:
+    """Compute how much of the noise's standard deviation `smoothed_against_noise` leaves.
+
+    It cannot be estimated from the smoothed image, where neighbours share their noise.
+
+    Parameters
+    ----------
+    share : float
+        Result of `noise_share`.
+    parameters : ImageParameters
+
+    Returns
+    -------
+    float
+        0 to 1.
+    """
+    if share == 0:
+        return 1.0
+    sigma_px = share * parameters.max_smoothing_px
+    reach = math.ceil(4 * sigma_px)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma_px) ** 2)
+    return float(np.sum(weights**2) / np.sum(weights) ** 2)
+
+
 def _exposed_spread(
     values: cv2.typing.MatLike, grey: NDArray[np.uint8], parameters: ImageParameters
 ) -> float:

@@ -19,6 +19,7 @@ from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPl
 from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground, is_upside_down
 from rover_obstacle_detection.detection.images.image_noise import (
     image_noise,
+    remaining_noise,
     smoothed_against_noise,
 )
 from rover_obstacle_detection.detection.images.texture import texture_level
@@ -173,6 +174,8 @@ def measure(
     p = parameters
     check_baseline(frame.camera, p.ground_check)
     noise_share = stages.noise_share(frame.pair[0], p.images)
+    remaining = remaining_noise(noise_share, p.images)
+    left_noise, right_noise = (remaining * image_noise(each, p.images) for each in frame.pair)
     frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
     finished('noise')
     coarse = match_coarsely(frame, p, stages)
@@ -182,8 +185,11 @@ def measure(
     ground, doubts = find_ground(straight, coarse, p)
     finished('ground plane')
     stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
-    stereo, plain, warnings = supported(stereo, p)
+    stereo, plain, warnings = supported(stereo, (left_noise, right_noise), p)
     stereo = within_range(stereo, p.stereo.min_range_m, p.terrain.max_range_m)
+    if not ground.measured and frame.gravity is None:
+        # Images that do not belong together may seem to show ground anywhere.
+        check_upright(coarse, p)
     finished('support')
     stereo = stages.reflections(stereo, p.terrain)
     brims = stages.brims(stereo, p.terrain)
@@ -217,11 +223,6 @@ def find_ground(
     -------
     ground : GroundPlane
     warnings : tuple of str
-
-    Raises
-    ------
-    UnjudgeablePairError
-        If the ground is at the top of the images.
     """
     p, gravity = parameters, frame.gravity
     known_m = (gravity.height_m if gravity else None) or p.plane_fit.known_height_m
@@ -232,8 +233,6 @@ def find_ground(
     unaided = None
     if not ground.measured and gravity:
         unaided = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, None)
-    elif not ground.measured:
-        check_upright(coarse, p)
     return ground, ground_warnings(ground, unaided, gravity, known_m, p.ground_check)
 
 
@@ -293,9 +292,16 @@ def match(
 
 
 def supported(
-    stereo: Stereo, parameters: DetectorParameters
+    stereo: Stereo, noise: tuple[float, float], parameters: DetectorParameters
 ) -> tuple[Stereo, Mask, tuple[str, ...]]:
     """Remove the matches that the images do not support; warn of images that hardly agree.
+
+    Parameters
+    ----------
+    stereo : Stereo
+    noise : tuple of float
+        Standard deviation of the noise of each image, grey levels.
+    parameters : DetectorParameters
 
     Raises
     ------
@@ -309,7 +315,7 @@ def supported(
         visible &= ~frame.rover_mask
     # Fine texture looks like noise, noise of the difference includes false matches.
     most = stereo.grey_noise / 2**0.5
-    left_noise, right_noise = (min(image_noise(e, parameters.images), most) for e in frame.pair)
+    left_noise, right_noise = (min(each, most) for each in noise)
     support = measure_support(
         frame.pair,
         stereo.disparity,

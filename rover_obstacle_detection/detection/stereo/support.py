@@ -90,7 +90,8 @@ def measure_support(
     wide_variance = np.minimum(*both.variances(p.wide_window_px))
     least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
     shows = near_variance > least
-    has_signal = shows | (wide_variance > least)
+    # Above the horizon there is no ground that could continue into what shows nothing.
+    has_signal = shows | ((wide_variance > least) & (expected > 0))
     contradicted = (near_variance > _clear(max(noise), p)) & (correlation < p.min_correlation)
     contradicted |= _matches_ground(pair, correlation, disparity, expected, camera, rows, p)
     left_textured, right_textured = (

@@ -65,7 +65,7 @@ def estimate_vertical(
     right, forward = ground_axes(ground)
     normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
     normal /= np.linalg.norm(normal)
-    if float(normal @ np.asarray(ground.up)) < math.cos(math.radians(p.max_turn_deg)):
+    if float(normal @ np.asarray(ground.normal)) < math.cos(math.radians(p.max_turn_deg)):
         # The plane lies on the nearest ground: so much can only be a drop or a wall.
         return ground.up
     x, y, z = (float(value) for value in normal)

@@ -147,3 +147,12 @@ def test_smoothing_does_not_shift_the_image():
     found, _ = smoothed_against_noise((spot, spot), 0.8)
     np.testing.assert_array_equal(found[:, 3 + np.arange(1, 4)], found[:, 3 - np.arange(1, 4)])
     assert found.argmax() == spot.argmax()
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3, 0.6, 1.0])
+def test_noise_that_smoothing_leaves_is_known(share):
+    noisy = waves.as_image(np.full(SHAPE, 128.0), 20.0)
+    left, _ = smoothed_against_noise((noisy, noisy), share)
+    remaining = measured.remaining_noise(share, PARAMETERS)
+    assert remaining == pytest.approx(left.std() / noisy.std(), rel=0.05)
+    assert (remaining == 1) == (share == 0)

@@ -342,6 +342,14 @@ def test_bare_sky_is_no_obstacle_and_gives_no_points(pitch_deg):
     assert (found.disparity[sky] > 0).mean() < 0.05
 
 
+@pytest.mark.parametrize('noise', [2.0, 3.0, 4.0, 6.0])
+def test_noise_in_the_sky_is_no_obstacle(noise):
+    found, view = detect(hazard_camera(noise=noise), gravity=False)
+    sky = np.isnan(view.depth_m)
+    assert sky.mean() > 0.05
+    assert flagged(found, sky) < 0.005
+
+
 @pytest.mark.parametrize('width', [0.05, 0.08])
 def test_post_is_an_obstacle_though_it_does_not_look_like_a_rock(width):
     scene = Scene(
@@ -363,11 +371,15 @@ def test_obstacle_pixels_are_those_with_a_cue(gravity):
     np.testing.assert_array_equal(found.cues > 0, found.mask > 0)
 
 
-@pytest.mark.parametrize('seed', [1, 201])
-def test_unrelated_images_are_refused(seed):
-    generator = np.random.default_rng(seed)
-    left, right = generator.integers(0, 256, (2, 240, 320)).astype(np.uint8)
+def test_unrelated_images_are_refused():
+    left, right = render(mast(solids=BLOCK)).left, render(hazard_camera()).right
     with pytest.raises(UnjudgeablePairError, match='does not belong to the left one'):
+        Detector(pinhole(320, 240, 60.0, 0.06)).detect(left, right)
+
+
+def test_pure_noise_is_refused():
+    left, right = np.random.default_rng(1).integers(0, 256, (2, 240, 320)).astype(np.uint8)
+    with pytest.raises(UnjudgeablePairError, match='neither image shows any texture'):
         Detector(pinhole(320, 240, 60.0, 0.06)).detect(left, right)
 
 

@@ -125,6 +125,13 @@ def test_areas_without_texture_are_plain_and_not_supported():
     assert found.supported[INNER][away[INNER]].mean() > 0.99
 
 
+def test_nothing_reaches_from_the_ground_into_the_sky():
+    images = patched(pair(), PATCH, grey(PATCH, 200.0))
+    assert measured(images).supported[64:68, 96:174].mean() > 0.95
+    above = np.where(np.arange(CAMERA.height)[:, np.newaxis] < 140, -1, TRUTH)
+    assert measured(images, expected=above).supported[64:68, 96:174].mean() < 0.05
+
+
 def test_areas_without_a_match_are_not_plain():
     missing = TRUTH.copy()
     missing[50:140, 80:190] = 0

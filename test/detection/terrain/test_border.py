@@ -1,13 +1,18 @@
-"""Slopes in the left border, which is not visible in the right image."""
+"""Slopes and walls in the left border, which is not visible in the right image."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.terrain.border import nearest_measured, slope_in_border
+from rover_obstacle_detection.detection.terrain.border import (
+    nearest_measured,
+    slope_in_border,
+    walls_in_border,
+)
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -54,6 +59,50 @@ def test_specks_of_a_slope_do_not_continue():
     assert not continued(steep, measured, 20).any()
     fine = replace(PARAMETERS, min_border_slope_share=0.001)
     assert continued(steep, measured, 20, fine).any()
+
+
+def walls(height_m, high=np.s_[:, 20:60], disparity=40.0, pixels_per_metre=20.0):
+    """Continue a wall that is measured from column 30 on."""
+    measured, marked = np.zeros((2, *CAMERA.shape), bool)
+    measured[:, 30:] = True
+    marked[high] = True
+    height_m = np.where(measured, np.where(marked, height_m, 0), np.nan).astype(np.float32)
+    even = np.zeros(CAMERA.shape, np.float32)
+    scale = np.full(CAMERA.shape, pixels_per_metre, np.float32)
+    terrain = Terrain(height_m, even, even, scale, ())
+    values = np.where(measured, disparity, 0).astype(np.float32)
+    return walls_in_border(marked & measured, terrain, values, CAMERA, PARAMETERS)
+
+
+@pytest.mark.parametrize(
+    ('height_m', 'columns'),
+    [
+        (0.6, range(18, 30)),
+        (1.0, range(10, 30)),
+        (3.0, range(30)),
+        # Not higher than rocks.
+        (0.45, range(0)),
+    ],
+)
+def test_a_wall_continues_into_the_border_as_far_as_it_is_high(height_m, columns):
+    found = walls(height_m)
+    assert (found == found[0]).all()
+    assert np.flatnonzero(found[0]).tolist() == list(columns)
+
+
+def test_a_wall_continues_beside_itself_only():
+    found = walls(3.0, np.s_[:20, 20:60])
+    assert found[:15, :30].all()
+    assert not found[20:, 29].any()
+
+
+def test_a_wall_does_not_continue_where_the_right_image_shows_what_is_there():
+    found = walls(3.0, disparity=20.0)
+    assert np.flatnonzero(found[0]).tolist() == list(range(25))
+
+
+def test_what_is_no_obstacle_does_not_continue_however_high():
+    assert not walls(3.0, np.s_[:, 40:60]).any()
 
 
 def test_each_measured_pixel_has_a_reach_of_its_own():

@@ -13,8 +13,10 @@ from rover_obstacle_detection.detection.terrain.elevation_map import map_positio
 from rover_obstacle_detection.detection.terrain.hazards import (
     dropping_ground,
     known_heights,
+    level_heights_known,
     rough_ground,
     steep_ground,
+    tall,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 
@@ -168,3 +170,54 @@ def test_height_is_known_where_a_step_would_show():
     assert known_heights(terrain, PARAMETERS).tolist() == [True, True, False, False, False]
     higher = replace(PARAMETERS, max_step_m=0.2)
     assert known_heights(terrain, higher).tolist() == [True, True, True, False, False]
+
+
+def test_what_is_measured_beyond_a_step_is_not_known_to_be_level():
+    height_m = np.array([0, 0.099, -0.099, 0.105, 0.2, -0.2, 0.12, 0.12, np.nan], np.float32)
+    noise_m = np.array([0, 0, 0, 0.002, 0.002, 0.002, 0.006, 0.007, 0.001], np.float32)
+    found = level_heights_known(terrain_of(height_m, noise_m), PARAMETERS)
+    assert found.tolist() == [True, True, True, True, False, False, False, True, False]
+    higher = replace(PARAMETERS, max_step_m=0.21)
+    assert level_heights_known(terrain_of(height_m, noise_m), higher)[:-1].all()
+
+
+def test_a_level_height_is_known_if_a_step_would_show():
+    noisy = terrain_of(np.zeros(2, np.float32), np.array([0.049, 0.051], np.float32))
+    assert level_heights_known(noisy, PARAMETERS).tolist() == [True, False]
+
+
+def patches_of(heights_m, noises_m=0.0):
+    """Upright patches, 0.5 m high in the image and apart from each other, on level ground."""
+    height_m = np.zeros((60, 20 * len(heights_m)), np.float32)
+    noise_m = np.zeros_like(height_m)
+    for number, each in enumerate(np.broadcast_arrays(heights_m, noises_m)[0]):
+        height_m[5:55, 20 * number : 20 * number + 15] = each
+    for number, each in enumerate(np.broadcast_arrays(noises_m, heights_m)[0]):
+        noise_m[:, 20 * number : 20 * number + 20] = each
+    return terrain_of(height_m, noise_m)
+
+
+def are_tall(heights_m, noises_m=0.0, **parameters):
+    """Whether each patch is tall: all of it or nothing."""
+    terrain = patches_of(heights_m, noises_m)
+    found = tall(terrain, replace(PARAMETERS, **parameters))
+    assert not found[terrain.height_m == 0].any()
+    inside = [found[5:55, 20 * n : 20 * n + 15] for n in range(len(heights_m))]
+    assert all(each.all() == each.any() for each in inside)
+    return [bool(each.any()) for each in inside]
+
+
+def test_tall_is_what_exceeds_rocks_and_noise():
+    heights_m = [0.45, 0.55, 0.8, 0.8, -3.0, np.nan]
+    noises_m = [0.001, 0.001, 0.09, 0.11, 0.001, 0.001]
+    assert are_tall(heights_m, noises_m) == [False, True, True, False, False, False]
+    assert are_tall([0.45, 0.55], 0.001, min_wall_m=0.4) == [True, True]
+
+
+def test_what_is_small_and_high_up_is_not_tall():
+    # A false match: nothing that low stands 2 m high. The parts of a wall are larger.
+    height_m = np.zeros((60, 60), np.float32)
+    height_m[10:30, 5:20], height_m[10:36, 30:45] = 2.0, 2.0
+    found = tall(terrain_of(height_m, 0.001), PARAMETERS)
+    assert not found[:, :25].any()
+    np.testing.assert_array_equal(found[:, 25:], height_m[:, 25:] > 0)

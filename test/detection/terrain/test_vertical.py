@@ -56,6 +56,13 @@ def test_vertical_is_the_normal_of_a_slope_that_fills_the_view(rise_x, rise_y):
     assert apart_deg(vertical(tilted(rise_x, rise_y)), normal_of(rise_x, rise_y)) < 0.2
 
 
+@pytest.mark.parametrize(('rise', 'is_kept'), [(0.25, False), (0.3, True)])
+def test_the_plane_keeps_its_vertical_if_the_ground_turns_too_far_from_it(rise, is_kept):
+    # 14 and 17 degrees.
+    expected = POSED.up if is_kept else normal_of(0.0, rise)
+    assert apart_deg(vertical(tilted(0.0, rise)), expected) < 0.2
+
+
 @pytest.mark.parametrize('softness', [0.0, 0.2], ids=['sharp', 'soft'])
 @pytest.mark.parametrize('start', [2.5, 3.2])
 @pytest.mark.parametrize('angle', [26, -26, 12])
