@@ -61,7 +61,7 @@ class PlaneFitParameters:
         scenes.
     usual_pitch_deg, pitch_spread_deg, roll_spread_deg : float
         What is expected of pitch and roll without known gravity: mean and standard deviation.
-        Derived: rovers' cameras look down by 10 to 45 degrees and are mounted upright.
+        Assumed: rovers' cameras look down by 10 to 45 degrees and are mounted upright.
     known_height_m : float
         Height of the camera; 0 if it is not known. Set by the user.
     known_height_spread : float
@@ -71,7 +71,7 @@ class PlaneFitParameters:
         Height of the camera that is expected where it is not known, and assumed where no plane is
         found. A guess, so that heights have a scale.
     height_spread : float
-        Standard deviation of the logarithm of unknown heights. Derived: half of all rovers carry
+        Standard deviation of the logarithm of unknown heights. Assumed: half of all rovers carry
         their cameras at 0.6 to 1.6 m.
     surprise_weight : float
         Weight of the squared deviations from what is expected, relative to the squared residuals.

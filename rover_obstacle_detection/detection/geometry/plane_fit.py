@@ -53,8 +53,29 @@ def estimate_ground(
     if plane is not None:
         return plane.in_space(camera, gravity)
     up = gravity.up if gravity else (0.0, -1.0, 0.0)
-    height_m = (gravity.height_m if gravity else None) or parameters.known_height_m
-    return GroundPlane(up, height_m or parameters.default_height_m, up, measured=False)
+    height_m = known_height_m(gravity, parameters) or parameters.default_height_m
+    return GroundPlane(up, height_m, up, measured=False)
+
+
+def known_height_m(gravity: Gravity | None, parameters: PlaneFitParameters) -> float:
+    """Return the known height of the camera above the ground, metres; 0 if it is not known."""
+    return (gravity.height_m if gravity else None) or parameters.known_height_m
+
+
+def height_surprise(
+    height_m: NDArray[np.float64] | float, known_m: float, parameters: PlaneFitParameters
+) -> NDArray[np.float64]:
+    """Return how far heights of the camera are from what is expected, standard deviations.
+
+    Parameters
+    ----------
+    height_m : float or ndarray of float64, shape (n,)
+    known_m : float
+        The known height; 0 if it is not known.
+    parameters : PlaneFitParameters
+    """
+    spread = parameters.known_height_spread if known_m else parameters.height_spread
+    return np.asarray(np.log(height_m / (known_m or parameters.default_height_m)) / spread)
 
 
 def is_upside_down(
@@ -217,9 +238,7 @@ def _surprise(
     """Cost of planes that a rover's camera is seldom mounted over."""
     p = parameters
     normals, height_m = _in_space(planes, camera)
-    known_m = (gravity.height_m if gravity else None) or p.known_height_m
-    spread = p.known_height_spread if known_m else p.height_spread
-    surprise = (np.log(height_m / (known_m or p.default_height_m)) / spread) ** 2
+    surprise = height_surprise(height_m, known_height_m(gravity, p), p) ** 2
     if gravity is None:
         pitch_deg = np.degrees(np.arcsin(np.clip(-normals[:, 2], -1, 1)))
         roll_deg = np.degrees(np.arcsin(np.clip(normals[:, 0], -1, 1)))

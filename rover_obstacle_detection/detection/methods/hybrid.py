@@ -16,7 +16,11 @@ from rover_obstacle_detection.detection.geometry.ground_check import (
     ground_warnings,
 )
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
-from rover_obstacle_detection.detection.geometry.plane_fit import estimate_ground, is_upside_down
+from rover_obstacle_detection.detection.geometry.plane_fit import (
+    estimate_ground,
+    is_upside_down,
+    known_height_m,
+)
 from rover_obstacle_detection.detection.images.image_noise import (
     image_noise,
     remaining_noise,
@@ -225,14 +229,14 @@ def find_ground(
     warnings : tuple of str
     """
     p, gravity = parameters, frame.gravity
-    known_m = (gravity.height_m if gravity else None) or p.plane_fit.known_height_m
     ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, gravity)
-    if is_doubtful(ground, p.stereo.sweep):
+    if is_doubtful(ground, p.plane_fit, p.stereo.sweep):
         reduced = reduced_pair(frame.pair, frame.camera, p.stereo)
-        ground = likelier_ground(reduced, ground, gravity, known_m, p.stereo.sweep)
+        ground = likelier_ground(reduced, ground, gravity, p.plane_fit, p.stereo.sweep)
     unaided = None
     if not ground.measured and gravity:
         unaided = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, None)
+    known_m = known_height_m(gravity, p.plane_fit)
     return ground, ground_warnings(ground, unaided, gravity, known_m, p.ground_check)
 
 

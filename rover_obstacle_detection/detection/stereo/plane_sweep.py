@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from itertools import product
 
@@ -13,6 +12,11 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
+from rover_obstacle_detection.detection.geometry.plane_fit import (
+    height_surprise,
+    known_height_m,
+)
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.stereo.parameters import SweepParameters
@@ -20,18 +24,20 @@ from rover_obstacle_detection.detection.stereo.parameters import SweepParameters
 Image = NDArray[np.float32]
 
 
-def is_doubtful(ground: GroundPlane, parameters: SweepParameters) -> bool:
+def is_doubtful(
+    ground: GroundPlane, plane_fit: PlaneFitParameters, parameters: SweepParameters
+) -> bool:
     """Whether matching found no ground, few points on it, or an unlikely height."""
     p = parameters
-    surprise = abs(math.log(ground.height_m / p.usual_height_m)) / p.height_spread
-    return not ground.measured or ground.residual > p.max_residual or surprise > p.max_surprise
+    unlikely = abs(height_surprise(ground.height_m, 0.0, plane_fit)) > p.max_surprise
+    return not ground.measured or ground.residual > p.max_residual or bool(unlikely)
 
 
 def likelier_ground(
     reduced: ReducedPair,
     found: GroundPlane,
     gravity: Gravity | None,
-    known_height_m: float,
+    plane_fit: PlaneFitParameters,
     parameters: SweepParameters,
 ) -> GroundPlane:
     """Replace a doubtful ground plane by the level one that makes both images agree best.
@@ -47,8 +53,8 @@ def likelier_ground(
         Fitted to the matches, or not measured.
     gravity : Gravity, optional
         The vertical, where it is known. By default pitch is searched, and roll is 0.
-    known_height_m : float
-        Height of the camera, metres; 0 if it is not known.
+    plane_fit : PlaneFitParameters
+        What is expected of pitch and height.
     parameters : SweepParameters
 
     Returns
@@ -62,7 +68,7 @@ def likelier_ground(
     the image.
     """
     p = parameters
-    score = _Score(reduced, known_height_m, p)
+    score = _Score(reduced, known_height_m(gravity, plane_fit), plane_fit, p)
     pitches_deg = p.pitches_deg if gravity is None else (0.0,)
     heights_m = np.geomspace(p.min_height_m, p.max_height_m, p.heights)
     best = _best(score, product(pitches_deg, heights_m), gravity)
@@ -73,7 +79,8 @@ def likelier_ground(
         best.height_m * np.linspace(0.95, 1.05, 5),
     )
     best = _best(score, fine, gravity)
-    is_wall = gravity is None and best.pitch_deg > p.max_pitch_deg
+    steepest_deg = min(p.max_pitch_deg, plane_fit.max_pitch_deg)
+    is_wall = gravity is None and best.pitch_deg > steepest_deg
     if is_wall or score.agreement(best) < p.min_agreement:
         return found
     if found.measured and score(best) < score(found) + p.min_gain:
@@ -99,18 +106,19 @@ class _Score:
     """How well a plane explains a pair: its agreement, less what is unlikely about its height."""
 
     def __init__(
-        self, reduced: ReducedPair, known_height_m: float, parameters: SweepParameters
+        self,
+        reduced: ReducedPair,
+        known_m: float,
+        plane_fit: PlaneFitParameters,
+        parameters: SweepParameters,
     ) -> None:
         self.agreement = _Agreement(reduced.pair, reduced.camera, parameters)
+        self._known_m, self._plane_fit = known_m, plane_fit
         self._weight = parameters.surprise_weight
-        self._usual_m = known_height_m or parameters.usual_height_m
-        self._spread = (
-            parameters.known_height_spread if known_height_m else parameters.height_spread
-        )
 
     def __call__(self, plane: GroundPlane) -> float:
-        surprise = (math.log(plane.height_m / self._usual_m) / self._spread) ** 2
-        return self.agreement(plane) - self._weight * surprise
+        surprise = float(height_surprise(plane.height_m, self._known_m, self._plane_fit))
+        return self.agreement(plane) - self._weight * surprise**2
 
 
 class _Agreement:

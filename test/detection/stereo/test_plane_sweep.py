@@ -13,6 +13,7 @@ from synthetic import pinhole
 
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
 from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.stereo.parameters import SweepParameters
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
@@ -43,9 +44,9 @@ def floor(pitch_deg=30.0, height_m=1.0, tile_m=0.0, noise=1.0):
     return image(x, 1), image(x + CAMERA.baseline_m, 2)
 
 
-def best(pair, found=MISSING, gravity=None, known_height_m=0.0, camera=CAMERA):
+def best(pair, found=MISSING, gravity=None, camera=CAMERA, **plane_fit):
     reduced = ReducedPair(pair, camera, 1.0)
-    return likelier_ground(reduced, found, gravity, known_height_m, PARAMETERS)
+    return likelier_ground(reduced, found, gravity, PlaneFitParameters(**plane_fit), PARAMETERS)
 
 
 def composed(below, above, row=50):
@@ -78,7 +79,7 @@ def wall(disparity_px, seed=1):
     ],
 )
 def test_ground_is_doubtful_with_few_points_or_at_an_unlikely_height(ground, doubtful):
-    assert is_doubtful(ground, PARAMETERS) == doubtful
+    assert is_doubtful(ground, PlaneFitParameters(), PARAMETERS) == doubtful
 
 
 @pytest.mark.parametrize(('pitch_deg', 'height_m'), [(30, 1.0), (46, 1.0), (15, 0.6), (26, 1.7)])
@@ -88,6 +89,11 @@ def test_ground_is_found_where_matching_found_none(pitch_deg, height_m):
     assert found.height_m == pytest.approx(height_m, rel=0.025)
     assert found.pitch_deg == pytest.approx(pitch_deg, abs=1.5)
     assert found.normal == found.up
+
+
+def test_a_camera_that_looks_down_more_steeply_than_it_may_sees_a_wall():
+    assert best(floor(46.0)).measured
+    assert best(floor(46.0), max_pitch_deg=40.0) is MISSING
 
 
 def test_ground_that_was_found_is_kept():
