@@ -129,7 +129,7 @@ def detect_hybrid(
     finished('height')
     rocks = outlined_rocks(stereo, terrain, standing, p.rocks, stages.outlines)
     finished('outlines')
-    brims = brims.not_on(rocks.high)
+    brims = brims.not_on(rocks.high, p.terrain.brims)
     dropped |= brims.edge(p.terrain.brims)
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
     finished('roughness')

@@ -60,9 +60,14 @@ class Brims:
     level_m: Image
     surface: Surface
 
-    def not_on(self, obstacles: Mask) -> Brims:
-        """Return the brims that are no rims of the given obstacles, shape (height, width)."""
-        kept = ~obstacles[self.rows, self.columns]
+    def not_on(self, obstacles: Mask, parameters: BrimParameters) -> Brims:
+        """Return the brims that are no rims of the given obstacles, shape (height, width).
+
+        Matching blurs the rims, so that a brim may lie a few pixels beside its obstacle.
+        """
+        reach = np.ones((2 * parameters.reach_px + 1,) * 2, np.uint8)
+        around = cv2.dilate(obstacles.astype(np.uint8), reach) > 0
+        kept = ~around[self.rows, self.columns]
         return replace(
             self,
             rows=self.rows[kept],

@@ -101,7 +101,8 @@ def _reflections_kept(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
 
 def _no_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     """Find no brims."""
-    return find_brims(stereo, parameters).not_on(np.ones(stereo.disparity.shape, np.bool_))
+    everywhere = np.ones(stereo.disparity.shape, np.bool_)
+    return find_brims(stereo, parameters).not_on(everywhere, parameters.brims)
 
 
 def _single_layer(stereo: Stereo, parameters: TerrainParameters) -> Terrain:

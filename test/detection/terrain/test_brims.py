@@ -161,8 +161,10 @@ def test_the_far_rim_of_a_platform_is_a_brim_unless_it_is_on_an_obstacle():
     assert 20 < found.columns.size < COLUMNS
     np.testing.assert_allclose(found.brims.level_m, 0.2, atol=0.01)
     left_part = np.zeros(found.disparity.shape, bool)
-    left_part[:, :22] = True
-    kept = found.brims.not_on(left_part)
+    parameters = found.parameters.brims
+    # Matching blurs a rim by some pixels.
+    left_part[:, : 22 - parameters.reach_px] = True
+    kept = found.brims.not_on(left_part, parameters)
     expected = found.brims.columns >= 22
     assert 0 < expected.sum() < expected.size
     for name in ('rows', 'columns', 'drop_rows', 'sure', 'level_m'):
@@ -170,7 +172,7 @@ def test_the_far_rim_of_a_platform_is_a_brim_unless_it_is_on_an_obstacle():
             getattr(kept, name), getattr(found.brims, name)[expected], err_msg=name
         )
     assert not kept.beyond()[:, :22].any()
-    assert not found.brims.not_on(np.ones_like(left_part)).edge(found.parameters.brims).any()
+    assert not found.brims.not_on(np.ones_like(left_part), parameters).edge(parameters).any()
 
 
 @pytest.mark.parametrize(('gap_m', 'is_found'), [(0.4, True), (1.4, False)])
