@@ -83,11 +83,10 @@ def measure_support(
     p = parameters
     matched = disparity > 0
     left, right = pair
-    both = _Masked.pair(left, _warped(right, disparity, camera, rows), matched)
-    near_variances = both.variances(p.window_px)
-    near_variance = np.minimum(*near_variances)
-    correlation = both.correlation(p.window_px, near_variances)
-    wide_variance = np.minimum(*both.variances(p.wide_window_px))
+    warped = _warped(right, disparity, camera, rows)
+    near = _Windows(left, warped, matched, p.window_px)
+    near_variance, correlation = near.least_variance, near.correlation()
+    wide_variance = _Windows(left, warped, matched, p.wide_window_px).least_variance
     least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
     shows = near_variance > least
     # Above the horizon there is no ground that could continue into what shows nothing.
@@ -112,44 +111,39 @@ def measure_support(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Masked:
-    """Two images, 0 where they are not compared, and the mask of what is."""
+class _Windows:
+    """Two images compared in windows around each pixel, only where the mask says so."""
 
-    left: Grey
-    right: Grey
-    mask: Grey
-
-    @classmethod
-    def pair(cls, left: Grey, right: Grey, compared: Mask) -> _Masked:
+    def __init__(self, left: Grey, right: Grey, compared: Mask, window_px: int) -> None:
         mask = compared.astype(np.uint8)
-        return cls(left * mask, right * mask, mask)
+        self._left, self._right, self._window = left * mask, right * mask, (window_px,) * 2
+        self._per_pixel = 1 / np.maximum(self._sum(mask), np.float32(1))
+        self._left_mean, self._right_mean = self._mean(self._left), self._mean(self._right)
+        self._left_variance = self._variance(self._left, self._left_mean)
+        self._right_variance = self._variance(self._right, self._right_mean)
 
-    def variances(self, window_px: int) -> tuple[Image, Image]:
-        """Variance of each image around each pixel."""
-        left, right = (
-            self._mean_square(image, window_px) - self._mean(image, window_px) ** 2
-            for image in (self.left, self.right)
-        )
-        return left, right
+    @property
+    def least_variance(self) -> Image:
+        """The lesser of both variances."""
+        return np.minimum(self._left_variance, self._right_variance)
 
-    def correlation(self, window_px: int, variances: tuple[Image, Image]) -> Image:
-        """Zero-mean normalised cross-correlation around each pixel."""
-        product = cv2.multiply(self.left, self.right, dtype=cv2.CV_32F)
-        covariance = self._mean(np.asarray(product, np.float32), window_px)
-        covariance -= self._mean(self.left, window_px) * self._mean(self.right, window_px)
-        left, right = (np.maximum(each, 0) for each in variances)
-        return np.asarray(covariance / np.sqrt(left * right + np.float32(1e-3)), np.float32)
+    def correlation(self) -> Image:
+        """Zero-mean normalised cross-correlation."""
+        product = cv2.multiply(self._left, self._right, dtype=cv2.CV_32F)
+        covariance = self._mean(product) - self._left_mean * self._right_mean
+        variances = np.maximum(self._left_variance, 0) * np.maximum(self._right_variance, 0)
+        return np.asarray(covariance / np.sqrt(variances + np.float32(1e-3)), np.float32)
 
-    def _mean(self, image: Grey | Image, window_px: int) -> Image:
-        return np.asarray(_sum(image, window_px) / self._count(window_px), np.float32)
+    def _variance(self, image: Grey, mean: Image) -> Image:
+        squares = cv2.sqrBoxFilter(image, cv2.CV_32F, self._window, normalize=False)
+        return np.asarray(squares * self._per_pixel - mean * mean, np.float32)
 
-    def _mean_square(self, image: Grey, window_px: int) -> Image:
-        total = cv2.sqrBoxFilter(image, cv2.CV_32F, (window_px,) * 2, normalize=False)
-        return np.asarray(total / self._count(window_px), np.float32)
+    def _mean(self, image: cv2.typing.MatLike) -> Image:
+        return np.asarray(self._sum(image) * self._per_pixel, np.float32)
 
-    def _count(self, window_px: int) -> Image:
-        return np.maximum(_sum(self.mask, window_px), np.float32(1))
+    def _sum(self, image: cv2.typing.MatLike) -> Image:
+        total = cv2.boxFilter(image, cv2.CV_32F, self._window, normalize=False)
+        return np.asarray(total, np.float32)
 
 
 def _matches_ground(
@@ -168,8 +162,7 @@ def _matches_ground(
     if not away.any():
         return np.asarray(away)
     warped = _warped(pair[1], np.maximum(expected, 0), camera, rows)
-    both = _Masked.pair(pair[0], warped, expected > 0)
-    on_ground = both.correlation(p.window_px, both.variances(p.window_px))
+    on_ground = _Windows(pair[0], warped, expected > 0, p.window_px).correlation()
     alike = on_ground > np.maximum(correlation - p.repetition_tolerance, p.agreeing_correlation)
     return np.asarray(away & alike)
 
@@ -209,8 +202,3 @@ def _variance(image: Grey, window_px: int) -> Image:
     squares = cv2.sqrBoxFilter(image, cv2.CV_32F, (window_px,) * 2)
     mean = cv2.boxFilter(image, cv2.CV_32F, (window_px,) * 2)
     return np.asarray(squares - mean * mean, np.float32)
-
-
-def _sum(image: Grey | Image, window_px: int) -> Image:
-    total = cv2.boxFilter(image, cv2.CV_32F, (window_px,) * 2, normalize=False)
-    return np.asarray(total, np.float32)
