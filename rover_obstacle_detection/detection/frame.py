@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,3 +33,24 @@ class Frame:
     camera: StereoCamera
     gravity: Gravity | None = None
     rover_mask: NDArray[np.bool_] | None = None
+
+    def resized(self, camera: StereoCamera) -> Frame:
+        """Resample the images, and mark what is mostly rover.
+
+        Parameters
+        ----------
+        camera : StereoCamera
+            Of the new size.
+        """
+        if camera.shape == self.camera.shape:
+            return self
+        size = camera.width, camera.height
+        left, right = (
+            np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+            for image in self.pair
+        )
+        mask = self.rover_mask
+        if mask is not None:
+            share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+            mask = np.asarray(share > 0.5)
+        return replace(self, pair=(left, right), camera=camera, rover_mask=mask)

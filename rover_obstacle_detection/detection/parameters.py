@@ -8,6 +8,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.parameters import (
     GroundCheckParameters,
     PlaneFitParameters,
+    ResolutionParameters,
 )
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
 from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
@@ -30,6 +31,7 @@ class DetectorParameters:
     config: DetectorConfig
     plane_fit: PlaneFitParameters
     ground_check: GroundCheckParameters
+    resolution: ResolutionParameters
     images: ImageParameters
     rectification: RectificationParameters
     stereo: StereoParameters
@@ -53,6 +55,9 @@ class DetectorParameters:
                 known_height_m=c.camera_height,
             ),
             ground_check=GroundCheckParameters(max_tilt_deg=c.max_slope),
+            resolution=ResolutionParameters(
+                max_step_m=c.max_step, max_range_m=c.max_range, scale=c.working_scale
+            ),
             images=ImageParameters(),
             rectification=RectificationParameters(),
             stereo=StereoParameters(

@@ -135,3 +135,34 @@ class GroundCheckParameters:
     max_height_ratio: float = 1.3
     min_usual_height_m: float = 0.12
     max_usual_height_m: float = 3.5
+
+
+@dataclass(frozen=True)
+class ResolutionParameters:
+    """How many pixels a pair is judged with.
+
+    Parameters
+    ----------
+    max_step_m, max_range_m : float
+        Set by the user.
+    scale : float
+        Fixed scale of the images; 0 lets it follow from the step. Set by the user.
+    step_px : float
+        Size of the step in the reduced image, at the distance that `far_share` gives. Measured on
+        the tuning scenes: with less, outlines suffer.
+    far_share : float
+        Share of the ground's pixels that lie farther away than that distance.
+    min_pixels : int
+        Fewest pixels of the reduced image. Derived: those of 640 x 480, since the filters have
+        sizes in pixels.
+    max_scale : float
+        Images that would hardly become smaller keep their size.
+    """
+
+    max_step_m: float = 0.10
+    max_range_m: float = 40.0
+    scale: float = 0.0
+    step_px: float = 10.0
+    far_share: float = 0.25
+    min_pixels: int = 640 * 480
+    max_scale: float = 0.95

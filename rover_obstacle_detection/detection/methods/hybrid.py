@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_check import (
     check_baseline,
     ground_warnings,
@@ -21,6 +22,7 @@ from rover_obstacle_detection.detection.geometry.plane_fit import (
     is_upside_down,
     known_height_m,
 )
+from rover_obstacle_detection.detection.geometry.resolution import working_camera
 from rover_obstacle_detection.detection.images.image_noise import (
     image_noise,
     remaining_noise,
@@ -31,20 +33,21 @@ from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, Hyb
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.rectify import Rectified
+from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.regions.segmentation import reduced_regions
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
+from rover_obstacle_detection.detection.result.enlarged import enlarged
 from rover_obstacle_detection.detection.result.left_image import in_left_image
 from rover_obstacle_detection.detection.result.specks import combined_cues
 from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
-from rover_obstacle_detection.detection.stereo.coarse import CoarseMatcher, reduced_pair
+from rover_obstacle_detection.detection.stereo.coarse import CoarseMatcher, coarse_camera
 from rover_obstacle_detection.detection.stereo.judged_range import within_range
 from rover_obstacle_detection.detection.stereo.matching import (
     Stereo,
     image_penalties,
     match_against_ground,
-    reduced_mask,
 )
 from rover_obstacle_detection.detection.stereo.pair_check import check_pair
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
@@ -71,9 +74,9 @@ class Measurement(NamedTuple):
     Parameters
     ----------
     frame : Frame
-        The given frame, smoothed if its images are noisy.
+        The given frame at the working resolution, smoothed if its images are noisy.
     correction : Correction
-        Of the rectification.
+        Of the rectification, in pixels of that frame.
     stereo : Stereo
         In the straightened left image.
     terrain : Terrain
@@ -116,9 +119,8 @@ def detect_hybrid(
         If the pair says nothing about the ground, or contradicts itself.
     """
     p = parameters
-    frame, correction, stereo, terrain, brims, plain, warnings = measure(
-        frame, p, finished, stages
-    )
+    full = frame
+    frame, correction, stereo, terrain, brims, plain, warnings = measure(full, p, finished, stages)
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
@@ -149,7 +151,7 @@ def detect_hybrid(
         found[Cue.SLOPE] = terrain.measured
     detection = decided(found, ~(brims.beyond() | plain), stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
-    detection = in_left_image(detection, frame)
+    detection = enlarged(in_left_image(detection, frame), full)
     finished('mask')
     return detection
 
@@ -175,20 +177,25 @@ def measure(
     UnjudgeablePairError
         If the pair says nothing about the ground, or contradicts itself.
     """
-    p = parameters
-    check_baseline(frame.camera, p.ground_check)
+    p, full = parameters, frame.camera
+    check_baseline(full, p.ground_check)
+    reduced = frame.resized(coarse_camera(full, p.stereo))
+    coarse = match_coarsely(reduced, full, p, stages)
+    reduced = coarse.correction.straightened(reduced)
+    coarse = without_rover(coarse, reduced.rover_mask)
+    finished('coarse disparity')
+    ground, doubts = find_ground(reduced, coarse, p)
+    finished('ground plane')
+    frame = frame.resized(working_camera(full, ground, p.resolution))
+    correction = coarse.correction.reduced(full.width / frame.camera.width)
+    finished('resize')
     noise_share = stages.noise_share(frame.pair[0], p.images)
     remaining = remaining_noise(noise_share, p.images)
     left_noise, right_noise = (remaining * image_noise(each, p.images) for each in frame.pair)
     frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
+    straight = correction.straightened(frame)
     finished('noise')
-    coarse = match_coarsely(frame, p, stages)
-    straight = coarse.correction.straightened(frame)
-    coarse = without_rover(coarse, straight.rover_mask)
-    finished('coarse disparity')
-    ground, doubts = find_ground(straight, coarse, p)
-    finished('ground plane')
-    stereo = match(straight, coarse, ground, noise_share, p, stages, finished)
+    stereo = match(straight, coarse, correction, ground, noise_share, p, stages, finished)
     stereo, plain, warnings = supported(stereo, (left_noise, right_noise), p)
     stereo = within_range(stereo, p.stereo.min_range_m, p.terrain.max_range_m)
     if not ground.measured and frame.gravity is None:
@@ -206,33 +213,39 @@ def measure(
         up = stages.vertical(before, ground, p.terrain)
         stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
-    return Measurement(frame, coarse.correction, stereo, terrain, brims, plain, doubts + warnings)
+    return Measurement(frame, correction, stereo, terrain, brims, plain, doubts + warnings)
 
 
 def match_coarsely(
-    frame: Frame, parameters: DetectorParameters, stages: HybridStages
+    reduced: Frame, full: StereoCamera, parameters: DetectorParameters, stages: HybridStages
 ) -> Rectified:
     """Match at a fraction of the resolution, and measure the rectification on the way."""
-    reduced = reduced_pair(frame.pair, frame.camera, parameters.stereo)
-    matcher = CoarseMatcher(frame.camera, reduced.camera, parameters.stereo)
-    return stages.rectify(reduced, matcher, parameters.rectification)
+    matcher = CoarseMatcher(full, reduced.camera, parameters.stereo)
+    pair = ReducedPair(reduced.pair, reduced.camera, full.width / reduced.camera.width)
+    return stages.rectify(pair, matcher, parameters.rectification)
 
 
 def find_ground(
-    frame: Frame, coarse: Rectified, parameters: DetectorParameters
+    reduced: Frame, coarse: Rectified, parameters: DetectorParameters
 ) -> tuple[GroundPlane, tuple[str, ...]]:
     """Find the ground plane in the matches and, where they leave doubt, in the images.
+
+    Parameters
+    ----------
+    reduced : Frame
+        The straightened images that were matched.
+    coarse : Rectified
+    parameters : DetectorParameters
 
     Returns
     -------
     ground : GroundPlane
     warnings : tuple of str
     """
-    p, gravity = parameters, frame.gravity
+    p, gravity = parameters, reduced.gravity
     ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, gravity)
     if is_doubtful(ground, p.plane_fit, p.stereo.sweep):
-        reduced = reduced_pair(frame.pair, frame.camera, p.stereo)
-        ground = likelier_ground(reduced, ground, gravity, p.plane_fit, p.stereo.sweep)
+        ground = likelier_ground(reduced, ground, p.plane_fit, p.stereo.sweep)
     unaided = None
     if not ground.measured and gravity:
         unaided = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, None)
@@ -259,13 +272,13 @@ def without_rover(coarse: Rectified, rover_mask: Mask | None) -> Rectified:
     """Remove the matches on the rover itself."""
     if rover_mask is None:
         return coarse
-    rover = reduced_mask(rover_mask, coarse.disparity.shape)
-    return replace(coarse, disparity=np.where(rover, np.float32(0), coarse.disparity))
+    return replace(coarse, disparity=np.where(rover_mask, np.float32(0), coarse.disparity))
 
 
 def match(
     frame: Frame,
     coarse: Rectified,
+    correction: Correction,
     ground: GroundPlane,
     noise_share: float,
     parameters: DetectorParameters,
@@ -273,12 +286,13 @@ def match(
     finished: Finished,
 ) -> Stereo:
     """Match the straightened images relative to the ground, to a fraction of a pixel."""
-    p, rows, left = parameters, coarse.correction.rows, frame.pair[0]
+    p, rows, left = parameters, correction.rows, frame.pair[0]
     plane = DisparityPlane.from_ground(ground, coarse.camera)
-    search = residual_range(coarse.disparity, coarse.camera, coarse.reduction, plane, p.stereo)
+    reduction = frame.camera.width / coarse.camera.width
+    search = residual_range(coarse.disparity, coarse.camera, reduction, plane, p.stereo)
     penalties = image_penalties(left, noise_share, p.stereo, p.images)
     expected, disparity = match_against_ground(
-        frame, ground, search, penalties, coarse.correction, p.stereo
+        frame, ground, search, penalties, correction, p.stereo
     )
     finished('disparity')
     refined = stages.refine(frame.pair, disparity, frame.camera, rows, p.stereo)

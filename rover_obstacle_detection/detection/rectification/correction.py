@@ -65,7 +65,7 @@ class Correction:
     Parameters
     ----------
     rows : RowAlignment
-        Rows by which the right image is off, pixels of the full image.
+        Rows by which the right image is off, pixels.
     lenses : Lenses
         Distortion of both lenses.
     parameters : RectificationParameters
@@ -76,6 +76,10 @@ class Correction:
     parameters: RectificationParameters = field(
         default=RectificationParameters(), repr=False, compare=False
     )
+
+    def reduced(self, reduction: float) -> Correction:
+        """Return the same for images reduced by a factor."""
+        return replace(self, rows=self.rows.reduced(reduction))
 
     def straightened(self, frame: Frame) -> Frame:
         """Images and rover mask as lenses without distortion would show them."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
-from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import (
@@ -22,18 +20,11 @@ from rover_obstacle_detection.detection.stereo.semi_global import (
 from rover_obstacle_detection.detection.stereo.warped_matching import warped_disparity
 
 
-def reduced_pair(
-    pair: GreyPair, camera: StereoCamera, parameters: StereoParameters
-) -> ReducedPair:
-    """Reduce a pair to the resolution of the coarse match."""
+def coarse_camera(camera: StereoCamera, parameters: StereoParameters) -> StereoCamera:
+    """Return the camera of the resolution of the coarse match."""
     most = camera.width // parameters.min_coarse_width_px
     reduction = max(1, min(parameters.coarse_reduction, most))
-    size = camera.width // reduction, max(1, camera.height // reduction)
-    left, right = (
-        np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-        for image in pair
-    )
-    return ReducedPair((left, right), camera.resized(*size), camera.width / size[0])
+    return camera.resized(camera.width // reduction, max(1, camera.height // reduction))
 
 
 @dataclass(frozen=True)

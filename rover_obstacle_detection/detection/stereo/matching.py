@@ -127,9 +127,3 @@ def image_penalties(
     step = min(max(1, round(parameters.step_penalty * unit)), most - 1)
     jump = min(max(round(parameters.jump_penalty * unit), step + 1), most)
     return chosen_penalties(parameters, Penalties(step, jump))
-
-
-def reduced_mask(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Reduce a mask: a pixel is marked where more than half of it is."""
-    small = cv2.resize(mask.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA)
-    return np.asarray(small > 0.5)

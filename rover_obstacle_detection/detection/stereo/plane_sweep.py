@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
@@ -18,7 +19,6 @@ from rover_obstacle_detection.detection.geometry.plane_fit import (
     known_height_m,
 )
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
-from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.stereo.parameters import SweepParameters
 
 Image = NDArray[np.float32]
@@ -34,9 +34,8 @@ def is_doubtful(
 
 
 def likelier_ground(
-    reduced: ReducedPair,
+    frame: Frame,
     found: GroundPlane,
-    gravity: Gravity | None,
     plane_fit: PlaneFitParameters,
     parameters: SweepParameters,
 ) -> GroundPlane:
@@ -48,11 +47,10 @@ def likelier_ground(
 
     Parameters
     ----------
-    reduced : ReducedPair
+    frame : Frame
+        At a fraction of the resolution. If it has no gravity, pitch is searched, and roll is 0.
     found : GroundPlane
         Fitted to the matches, or not measured.
-    gravity : Gravity, optional
-        The vertical, where it is known. By default pitch is searched, and roll is 0.
     plane_fit : PlaneFitParameters
         What is expected of pitch and height.
     parameters : SweepParameters
@@ -67,8 +65,8 @@ def likelier_ground(
     Plane sweep (Collins 1996) with zero-mean normalised cross-correlation, over the lower part of
     the image.
     """
-    p = parameters
-    score = _Score(reduced, known_height_m(gravity, plane_fit), plane_fit, p)
+    p, gravity = parameters, frame.gravity
+    score = _Score(frame, known_height_m(gravity, plane_fit), plane_fit, p)
     pitches_deg = p.pitches_deg if gravity is None else (0.0,)
     heights_m = np.geomspace(p.min_height_m, p.max_height_m, p.heights)
     best = _best(score, product(pitches_deg, heights_m), gravity)
@@ -107,12 +105,12 @@ class _Score:
 
     def __init__(
         self,
-        reduced: ReducedPair,
+        frame: Frame,
         known_m: float,
         plane_fit: PlaneFitParameters,
         parameters: SweepParameters,
     ) -> None:
-        self.agreement = _Agreement(reduced.pair, reduced.camera, parameters)
+        self.agreement = _Agreement(frame.pair, frame.camera, parameters)
         self._known_m, self._plane_fit = known_m, plane_fit
         self._weight = parameters.surprise_weight
 

@@ -1,0 +1,49 @@
+"""The resolution at which a pair is judged: that of the rover's step, not of the camera."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.geometry.parameters import ResolutionParameters
+
+# The plane is sampled on a grid of this size.
+_COLUMNS, _ROWS = 32, 24
+
+
+def working_camera(
+    camera: StereoCamera, ground: GroundPlane, parameters: ResolutionParameters
+) -> StereoCamera:
+    """Choose the resolution that shows the rover's step in enough pixels.
+
+    Parameters
+    ----------
+    camera : StereoCamera
+    ground : GroundPlane
+    parameters : ResolutionParameters
+
+    Returns
+    -------
+    StereoCamera
+        Of the reduced images; the given one where they keep their size.
+    """
+    p = parameters
+    scale = p.scale or _scale_for_step(camera, ground, p)
+    if scale >= p.max_scale:
+        return camera
+    return camera.resized(round(camera.width * scale), round(camera.height * scale))
+
+
+def _scale_for_step(camera: StereoCamera, ground: GroundPlane, p: ResolutionParameters) -> float:
+    least = min(math.sqrt(p.min_pixels / (camera.width * camera.height)), 1.0)
+    grid = camera.resized(_COLUMNS, _ROWS)
+    disparity = DisparityPlane.from_ground(ground, grid).disparity(grid)
+    in_range = disparity[disparity > grid.disparity_at(p.max_range_m)]
+    if not in_range.size:
+        return least
+    far = float(np.quantile(in_range, p.far_share)) * camera.width / grid.width
+    step_px = far / camera.baseline_m * p.max_step_m
+    return min(max(p.step_px / step_px, least), 1.0)

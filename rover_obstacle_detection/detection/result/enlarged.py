@@ -1,0 +1,130 @@
+"""A detection at the size of the images, made at a lower resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence
+from rover_obstacle_detection.detection.result.obstacles import Obstacle
+from rover_obstacle_detection.detection.result.rims import Rims
+
+_PER_PIXEL = ('height', 'height_noise', 'rock_probability', 'cues', 'known', 'mask')
+
+
+def enlarged(detection: Detection, frame: Frame) -> Detection:
+    """Return a detection at the size of a frame.
+
+    Parameters
+    ----------
+    detection : Detection
+        Made from the same images at the same or a lower resolution.
+    frame : Frame
+        As it was recorded.
+    """
+    if detection.camera.shape == frame.camera.shape:
+        return detection
+    factor = frame.camera.width / detection.camera.width
+    own = {each.name: getattr(detection, each.name) for each in fields(detection)}
+    own |= {name: resized(own[name], frame.camera.shape) for name in _PER_PIXEL}
+    disparity = resized(detection.disparity, frame.camera.shape) * np.float32(factor)
+    if frame.rover_mask is not None:
+        for name in ('cues', 'known', 'mask'):
+            own[name][frame.rover_mask] = 0
+    own |= {
+        'camera': frame.camera,
+        'grey': frame.pair[0],
+        'disparity': disparity,
+        'study': replace(
+            detection.study, grey=frame.pair[0], disparity=disparity, camera=frame.camera
+        ),
+        'correction': detection.correction.reduced(1 / factor),
+    }
+    return EnlargedDetection(**own, judged=detection)
+
+
+def resized(array: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    """Give each pixel of the new shape the value of the nearest one."""
+    values = array.view(np.uint8) if array.dtype == np.bool_ else array
+    resampled = cv2.resize(values, shape[::-1], interpolation=cv2.INTER_NEAREST_EXACT)
+    return np.asarray(resampled).view(array.dtype)
+
+
+@dataclass(frozen=True, eq=False)
+class EnlargedDetection(Detection):
+    """A detection whose pixels each take what was found at the nearest pixel of another one.
+
+    Clouds have a point for each pixel that was judged, not several for the same measurement.
+
+    Parameters
+    ----------
+    judged : Detection
+        At the resolution at which it was made.
+    """
+
+    judged: Detection = None  # type: ignore[assignment]
+
+    @cached_property
+    def obstacle_numbers(self) -> NDArray[np.int32]:
+        """Number of each pixel's obstacle: ``obstacles[0]`` has number 1; 0 is no obstacle."""
+        numbers = resized(self.judged.obstacle_numbers, self.camera.shape)
+        numbers[self.mask == 0] = 0
+        return _read_only(numbers)
+
+    @cached_property
+    def evidence(self) -> ObstacleEvidence:
+        """Evidence for each of the obstacles, in their order."""
+        return self.judged.evidence
+
+    @cached_property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The connected obstacles, each with its box in the image and in space, largest first."""
+        pixels = np.bincount(self.obstacle_numbers.ravel())
+        return tuple(
+            self._at_full_size(each, int(pixels[number]) if number < len(pixels) else 0)
+            for number, each in enumerate(self.judged.obstacles, start=1)
+        )
+
+    @cached_property
+    def rims(self) -> Rims:
+        """Pixels at the rims of obstacles that were matched to the other side of the outline."""
+        return Rims(*(_read_only(resized(each, self.camera.shape)) for each in self.judged.rims))
+
+    @cached_property
+    def obstacle_points(self) -> NDArray[np.float32]:
+        """Points on obstacles, as those of `judged`."""
+        return self.judged.obstacle_points
+
+    @cached_property
+    def ground_points(self) -> NDArray[np.float32]:
+        """Points on free ground, as those of `judged`."""
+        return self.judged.ground_points
+
+    def _at_full_size(self, obstacle: Obstacle, pixels: int) -> Obstacle:
+        across = self.camera.width / self.judged.camera.width
+        down = self.camera.height / self.judged.camera.height
+        left, top = round(obstacle.left * across), round(obstacle.top * down)
+        right = round((obstacle.left + obstacle.width) * across)
+        bottom = round((obstacle.top + obstacle.height) * down)
+        return replace(
+            obstacle, left=left, top=top, width=right - left, height=bottom - top, pixels=pixels
+        )
+
+    @property
+    def _rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        if self.judged.remapping is None:
+            return self.camera.rays()
+        x, y = self.judged.remapping.rays(self.judged.camera)
+        return resized(x, self.camera.shape), resized(y, self.camera.shape)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
