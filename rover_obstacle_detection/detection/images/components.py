@@ -58,8 +58,10 @@ def small_parts(mask: NDArray[np.bool_], min_pixels: int) -> NDArray[np.bool_]:
     -------
     ndarray of bool, shape (height, width)
     """
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    small = boxes[:, cv2.CC_STAT_AREA] < min_pixels
+    if not mask.any():
+        return np.zeros_like(mask)
+    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    small = np.bincount(labels[mask], minlength=count) < min_pixels
     small[0] = False
     return np.asarray(small[labels])
 

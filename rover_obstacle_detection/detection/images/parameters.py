@@ -51,7 +51,7 @@ class ImageParameters:
     quiet_noise_ratio: float = 0.8
     noisy_noise_ratio: float = 1.2
     max_smoothing_px: float = 1.0
-    noise_samples: int = 100_000
+    noise_samples: int = 20_000
     exposure_window_px: int = 9
     black_grey_level: int = 2
     white_grey_level: int = 253

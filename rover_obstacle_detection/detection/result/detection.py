@@ -150,8 +150,12 @@ class Detection:
     @cached_property
     def evidence(self) -> ObstacleEvidence:
         """Evidence for each of the obstacles, in their order."""
+        return self.evidence_of(self.obstacle_numbers)
+
+    def evidence_of(self, numbers: NDArray[np.int32]) -> ObstacleEvidence:
+        """Evidence for obstacles that are numbered otherwise, from 1 without gaps."""
         return measure_evidence(
-            self.obstacle_numbers,
+            numbers,
             grey=self.grey,
             disparity=self.disparity,
             height_m=self.height,

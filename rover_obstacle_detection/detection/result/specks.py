@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.images.components import small_parts
+from rover_obstacle_detection.detection.result.confidence import confidence
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection
 
@@ -50,7 +51,12 @@ def without_doubtful(detection: Detection) -> Detection:
     doubtful &= small_parts(doubtful, round(parameters.speck_share * doubtful.size))
     if not doubtful.any():
         return detection
-    doubtful &= detection.confidence < parameters.min_confidence
+    numbers = detection.obstacle_numbers
+    chosen = np.zeros(int(numbers.max()) + 1, np.bool_)
+    chosen[numbers[doubtful]] = True
+    numbers = np.where(chosen, np.cumsum(chosen), 0).astype(np.int32)[numbers]
+    judged = confidence(detection.evidence_of(numbers), parameters)
+    doubtful &= np.append(np.float32(1), judged)[numbers] < parameters.min_confidence
     if not doubtful.any():
         return detection
     return replace(

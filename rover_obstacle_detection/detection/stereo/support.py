@@ -86,7 +86,7 @@ def measure_support(
     warped = _warped(right, disparity, camera, rows)
     near = _Windows(left, warped, matched, p.window_px)
     near_variance, correlation = near.least_variance, near.correlation()
-    wide_variance = _Windows(left, warped, matched, p.wide_window_px).least_variance
+    wide_variance = _wide_variance(left, warped, matched, p)
     least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
     shows = near_variance > least
     # Above the horizon there is no ground that could continue into what shows nothing.
@@ -144,6 +144,18 @@ class _Windows:
     def _sum(self, image: cv2.typing.MatLike) -> Image:
         total = cv2.boxFilter(image, cv2.CV_32F, self._window, normalize=False)
         return np.asarray(total, np.float32)
+
+
+def _wide_variance(
+    left: Grey, warped: Grey, matched: Mask, parameters: SupportParameters
+) -> Image:
+    """Lesser variance of both images in a wide window, from every second row and column."""
+    every = np.s_[::2, ::2]
+    window_px = parameters.wide_window_px // 2 | 1
+    windows = _Windows(left[every], warped[every], matched[every], window_px)
+    variance = windows.least_variance
+    size = left.shape[::-1]
+    return np.asarray(cv2.resize(variance, size, interpolation=cv2.INTER_NEAREST), np.float32)
 
 
 def _matches_ground(

@@ -64,9 +64,9 @@ def walls_in_border(
     -------
     ndarray of bool, shape (height, width)
     """
-    height_m = np.nan_to_num(terrain.height_m, nan=0.0)
-    walls = high & (height_m > parameters.min_wall_m)
-    reach_px = height_m * terrain.pixels_per_metre
+    with np.errstate(invalid='ignore'):
+        walls = high & (terrain.height_m > parameters.min_wall_m)
+        reach_px = terrain.height_m * terrain.pixels_per_metre
     return _continued(walls, reach_px, terrain, disparity, camera, parameters)
 
 

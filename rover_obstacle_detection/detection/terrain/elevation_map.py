@@ -132,19 +132,41 @@ def cell_means(
     weight : ndarray of float32, shape of the map
         Sum of weights; 0 in empty cells.
     """
-    inside = weights > 0
-    rows, columns = positions.shape
-    cell = (positions.row[inside] + 0.5).astype(np.intp)
-    cell *= columns
-    cell += (positions.column[inside] + 0.5).astype(np.intp)
-    weight = weights[inside]
-    total = np.bincount(cell, weights=weight, minlength=rows * columns)
-    summed = np.bincount(cell, weights=weight * values[inside], minlength=rows * columns)
-    mean = summed / np.maximum(total, 1e-12)
-    return (
-        mean.astype(np.float32).reshape(rows, columns),
-        total.astype(np.float32).reshape(rows, columns),
-    )
+    return CellSums(weights > 0, positions).means(values, weights)
+
+
+class CellSums:
+    """Sums over the pixels in each cell.
+
+    Parameters
+    ----------
+    inside : ndarray of bool, shape (height, width)
+        Pixels that count. They must lie on the map.
+    positions : MapPositions
+    """
+
+    def __init__(self, inside: NDArray[np.bool_], positions: MapPositions) -> None:
+        self._shape = positions.shape
+        self._pixels = np.flatnonzero(inside)
+        row, column = (
+            (each.ravel()[self._pixels] + np.float32(0.5)).astype(np.int32)
+            for each in (positions.row, positions.column)
+        )
+        self._cell = row * np.int32(positions.shape[1]) + column
+
+    def means(
+        self, values: NDArray[np.float32], weights: NDArray[np.float32]
+    ) -> tuple[Grid, Grid]:
+        """Weighted mean of each cell, 0 in empty cells, and its sum of weights."""
+        weight = weights.ravel()[self._pixels]
+        total = self._sum(weight)
+        mean = self._sum(weight * values.ravel()[self._pixels]) / np.maximum(total, 1e-12)
+        return mean.astype(np.float32), total.astype(np.float32)
+
+    def _sum(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
+        size = self._shape[0] * self._shape[1]
+        total = np.bincount(self._cell, weights=values, minlength=size)
+        return np.asarray(total.reshape(self._shape), np.float64)
 
 
 def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:

@@ -116,6 +116,8 @@ def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     with np.errstate(invalid='ignore'):
         high = terrain.height_m > parameters.min_wall_m + noise_m
     high &= _quiet(terrain, parameters)
+    if not high.any():
+        return np.asarray(high)
     # What is small and high up stands on nothing: a false match.
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(
         high.astype(np.uint8), connectivity=8

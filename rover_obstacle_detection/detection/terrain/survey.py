@@ -13,7 +13,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.noise import height_noise_m
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.elevation_map import (
-    cell_means,
+    CellSums,
     map_positions,
     plane_coordinates,
     sample_map,
@@ -160,11 +160,10 @@ def _map_layer(
     if not pixels.any():
         return None
     positions = map_positions(points.across_m[rows], along_m, usable, cell_m)
-    trust = points.trust[rows] * usable
-    mean_m, weight = cell_means(points.over_plane_m[rows], trust, positions)
-    noise_m, information = cell_means(
-        points.noise_m[rows], points.information[rows] * (trust > 0), positions
-    )
+    trust = points.trust[rows]
+    sums = CellSums(usable & (trust > 0), positions)
+    mean_m, weight = sums.means(points.over_plane_m[rows], trust)
+    noise_m, information = sums.means(points.noise_m[rows], points.information[rows])
     lever = lever_m(
         np.float32(camera_height_m) - mean_m, camera_height_m, parameters.min_lever_share
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,26 +103,24 @@ def _mean_bend(cells: Cells, p: VerticalParameters) -> _Bend:
     first, last = np.quantile(cells[:, 1], (p.tail_share, 1 - p.tail_share))
     hinges_m = np.geomspace(p.first_hinge * first, p.last_hinge * last, p.hinges)
 
-    def cost(bend: tuple[float, float]) -> float:
-        turn, hinge_m = bend
-        return _fit(_turned(cells, turn), hinge_m, p.bend_width_m, p)[1]
-
     turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    turn, best_m = min(product(turns, hinges_m), key=cost)
+    widths_m = np.full_like(hinges_m, p.bend_width_m)
+    costs = np.stack([_fits(_turned(cells, each), hinges_m, widths_m, p)[1] for each in turns])
+    best_turn, best_hinge = np.unravel_index(np.argmin(costs), costs.shape)
+    turn, best_m = turns[best_turn], hinges_m[best_hinge]
     turned = _turned(cells, turn)
     steps = np.arange(-p.refinement_steps, p.refinement_steps + 1) / p.refinement_steps
     around_m = best_m * (hinges_m[1] / hinges_m[0]) ** steps
     around_m = np.unique(np.clip(around_m, first, last))
-    rows = []
-    for hinge_m, width_m in product(around_m, p.bend_widths_m):
-        (_, right, near, further), fit_cost = _fit(turned, hinge_m, width_m, p)
-        under_rover = further / (1 + math.exp(hinge_m / width_m))
-        rows.append((hinge_m, right, near + under_rover, near + further, fit_cost))
-    bends = np.array(rows)
-    costs = bends[:, -1]
+    hinges_m, widths_m = (
+        each.ravel() for each in np.meshgrid(around_m, p.bend_widths_m, indexing='ij')
+    )
+    (_, right, near, further), costs = (each.T for each in _fits(turned, hinges_m, widths_m, p))
+    under_rover = further * np.exp(-np.logaddexp(0, hinges_m / widths_m))
+    bends = np.stack((hinges_m, right, near + under_rover, near + further))
     weight = np.exp((costs.min() - costs) / (p.cost_tolerance * max(costs.min(), 1e-9)))
-    distance_m, right, before, beyond, _ = weight @ bends / weight.sum()
-    return _Bend(turn, distance_m, right, before, beyond, costs.min())
+    distance_m, rise_right, before, beyond = (bends @ weight / weight.sum()).tolist()
+    return _Bend(turn, distance_m, rise_right, before, beyond, float(costs.min()))
 
 
 def _rotation(turn: float) -> NDArray[np.float64]:
@@ -169,18 +166,35 @@ def _fit(
     cells: Cells, hinge_m: float | None, width_m: float, p: VerticalParameters
 ) -> tuple[NDArray[np.float64], float]:
     """Level, rise to the right, rise forward, and further rise beyond the hinge; and its cost."""
+    hinges_m = np.array([math.inf if hinge_m is None else hinge_m])
+    solutions, costs = _fits(cells, hinges_m, np.array([width_m]), p)
+    return solutions[0], float(costs[0])
+
+
+def _fits(
+    cells: Cells, hinges_m: Cells, widths_m: Cells, p: VerticalParameters
+) -> tuple[Cells, Cells]:
+    """Fit the cells with each hinge and width, shape (n, 4) and (n,).
+
+    A hinge at infinity fits a plane.
+    """
     across, forward, height, share = cells.T
-    beyond = np.zeros_like(forward)
-    if hinge_m is not None:
-        beyond = width_m * np.logaddexp(0, (forward - hinge_m) / width_m)
-    design = np.column_stack((np.ones_like(across), across, forward, beyond))
-    weight = share
-    solution = np.zeros(4)
+    design = np.empty((len(hinges_m), 4, len(cells)))
+    design[:, 0], design[:, 1], design[:, 2] = 1, across, forward
+    bent = np.isfinite(hinges_m)
+    beyond = (forward - np.where(bent, hinges_m, 0)[:, np.newaxis]) / widths_m[:, np.newaxis]
+    # softplus
+    design[:, 3] = np.log1p(np.exp(-np.abs(beyond))) + np.maximum(beyond, 0)
+    design[:, 3] *= np.where(bent, widths_m, 0)[:, np.newaxis]
+    transposed = design.transpose(0, 2, 1)
+    weight = np.broadcast_to(share, (len(hinges_m), len(cells)))
     for _ in range(p.iterations):
         weighted = design * weight[:, np.newaxis]
-        normal_matrix = weighted.T @ design
-        normal_matrix[np.diag_indices(4)] += 1e-6 * np.trace(normal_matrix)
-        solution = np.linalg.solve(normal_matrix, weighted.T @ height)
-        squares = ((height - design @ solution) / p.relief_m) ** 2
+        normal_matrix = weighted @ transposed
+        trace = np.trace(normal_matrix, axis1=1, axis2=2)
+        normal_matrix += 1e-6 * trace[:, np.newaxis, np.newaxis] * np.identity(4)
+        solution = np.linalg.solve(normal_matrix, (weighted @ height)[..., np.newaxis])
+        residual = height - (transposed @ solution)[..., 0]
+        squares = (residual / p.relief_m) ** 2
         weight = share / (1 + squares)
-    return solution, float(np.sum(share * np.log1p(squares)))
+    return solution[..., 0], (share * np.log1p(squares)).sum(axis=1)
