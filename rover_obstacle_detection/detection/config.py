@@ -247,6 +247,14 @@ class DetectorConfig:
         1.0,
     )
 
+    ground_cell: float = _parameter(
+        0.05,
+        'Side of the square cells of the ground that have one point each in ground_points (m); '
+        '0: a point for each pixel.',
+        0.0,
+        10.0,
+    )
+
     mean_shift_spatial_radius: float = _parameter(
         15.0, 'Method study and debug topics: mean-shift spatial bandwidth (px).', 1.0, 100.0
     )

@@ -100,6 +100,7 @@ class DetectorParameters:
                 max_step_m=c.max_step,
                 block_size_px=c.block_size,
                 min_confidence=c.min_confidence,
+                ground_cell_m=c.ground_cell,
             ),
         )
 

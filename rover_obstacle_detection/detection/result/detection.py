@@ -32,6 +32,7 @@ from rover_obstacle_detection.detection.result.obstacles import (
     number_obstacles,
 )
 from rover_obstacle_detection.detection.result.rims import STANDING, Rims, find_rims
+from rover_obstacle_detection.detection.result.thinning import one_per_cell
 from rover_obstacle_detection.detection.study.products import StudyProducts
 
 OBSTACLE = 255
@@ -227,10 +228,17 @@ class Detection:
     def ground_points(self) -> NDArray[np.float32]:
         """Points on free ground, row by row, shape (n, 4): x, y, z and height, metres.
 
-        Free pixels whose depth is that of an obstacle beside them (`rims`) have no point.
+        One for each cell of the ground (`ground_cell`). Free pixels whose depth is that of an
+        obstacle beside them (`rims`) have no point.
         """
         where = (self.mask == FREE) & self.known & self._measured & ~self.rims.before
-        return _read_only(np.column_stack((self.points[where], self.height[where])))
+        pixels = np.flatnonzero(where)
+        points = self.points.reshape(-1, 3)[pixels]
+        cell_m = self.parameters.result.ground_cell_m
+        if cell_m:
+            chosen = one_per_cell(points, self.ground, cell_m)
+            pixels, points = pixels[chosen], points[chosen]
+        return _read_only(np.column_stack((points, self.height.ravel()[pixels])))
 
     @cached_property
     def _numbered(self) -> NumberedObstacles:

@@ -19,6 +19,9 @@ class ResultParameters:
         Side of the matching block, within which pixels share their noise. Set by the user.
     min_confidence : float
         Specks of steep or low ground with less confidence are removed. Set by the user.
+    ground_cell_m : float
+        Side of the cells of the ground that have one ground point each; 0: each pixel has one. Set
+        by the user.
     speck_share : float
         Share of the image below which an area of steep or low ground is a speck. Tuned on the
         tuning scenes.
@@ -59,6 +62,7 @@ class ResultParameters:
     max_step_m: float = 0.10
     block_size_px: int = 3
     min_confidence: float = 0.9
+    ground_cell_m: float = 0.05
     speck_share: float = 0.0025
     min_obstacle_px: int = 12
     tail_share: float = 0.02
