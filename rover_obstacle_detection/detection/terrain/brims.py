@@ -132,6 +132,8 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 1), columns]
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
+    # Where matching blurs the ground just before it, a brim looks like a crest.
+    sure &= p.before_m * surface.rows_per_metre(brim) > p.reach_px
     return Brims(rows, columns, drop_rows, sure, brim.height_m, surface.limits())
 
 
