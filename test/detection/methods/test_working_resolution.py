@@ -71,12 +71,12 @@ def test_obstacles_have_their_boxes_in_the_large_image():
     assert sorted(places) == [1, 2]
 
 
-def test_clouds_have_a_point_for_each_judged_pixel():
+def test_clouds_have_at_most_a_point_for_each_judged_pixel():
     judged = found().judged
     obstacle = np.count_nonzero(judged.mask)
     free = np.count_nonzero((judged.mask == 0) & judged.known)
     assert 0.8 * obstacle < len(found().obstacle_points) <= obstacle
-    assert 0.95 * free < len(found().ground_points) <= free
+    assert 1000 < len(found().ground_points) <= free
     assert np.count_nonzero(found().mask) == 4 * obstacle
     # The cloud of all pixels shows the same obstacles.
     for each in (found(), found(1.0)):
