@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
+from rover_obstacle_detection.detection.result.enlarged import EnlargedDetection
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import FREE
 from rover_obstacle_detection.evaluation.surroundings import plan_axes
@@ -109,7 +110,12 @@ def pixels_of(points: Points, frame: LabelledFrame) -> Pixels:
 
 
 def plain_points(detection: Detection) -> Points:
-    """Points of all obstacle pixels with 3D, as measured, shape (n, 3)."""
+    """Points of all obstacle pixels with 3D, as measured, shape (n, 3).
+
+    Of the pixels that were judged, as in the published cloud.
+    """
+    if isinstance(detection, EnlargedDetection):
+        detection = detection.judged
     where = (detection.mask == OBSTACLE) & detection.known & np.isfinite(detection.height)
     return detection.points[where & (detection.disparity > 0)]
 

@@ -13,14 +13,15 @@ from rover_obstacle_detection.detection.parameters import DetectorParameters
 # The stages whose parameters depend on each field.
 CONFIGURED = {
     'method': ('stereo', 'result'),
-    'max_step': ('plane_fit', 'terrain', 'rocks', 'result'),
+    'max_step': ('plane_fit', 'resolution', 'terrain', 'rocks', 'result'),
     'max_slope': ('ground_check', 'terrain'),
     'max_roughness': ('terrain',),
     'camera_height': ('plane_fit',),
     'max_camera_pitch': ('plane_fit',),
     'max_camera_roll': ('plane_fit',),
+    'working_scale': ('resolution',),
     'min_range': ('stereo',),
-    'max_range': ('plane_fit', 'terrain', 'rocks', 'study'),
+    'max_range': ('plane_fit', 'resolution', 'terrain', 'rocks', 'study'),
     'min_disparity': ('stereo',),
     'disparity_range': ('stereo', 'study'),
     'correlation_window_size': ('stereo', 'result'),

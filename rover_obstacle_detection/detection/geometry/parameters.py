@@ -155,6 +155,9 @@ class ResolutionParameters:
     min_pixels : int
         Fewest pixels of the reduced image. Derived: those of 640 x 480, since the filters have
         sizes in pixels.
+    min_side_px : int
+        Shortest side of the reduced image at a fixed scale. Derived: the filters' widest windows
+        are 33 pixels wide.
     max_scale : float
         Images that would hardly become smaller keep their size.
     """
@@ -165,4 +168,5 @@ class ResolutionParameters:
     step_px: float = 10.0
     far_share: float = 0.25
     min_pixels: int = 640 * 480
+    min_side_px: int = 48
     max_scale: float = 0.95

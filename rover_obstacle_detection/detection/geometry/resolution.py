@@ -32,6 +32,7 @@ def working_camera(
     """
     p = parameters
     scale = p.scale or _scale_for_step(camera, ground, p)
+    scale = max(scale, p.min_side_px / min(camera.shape))
     if scale >= p.max_scale:
         return camera
     return camera.resized(round(camera.width * scale), round(camera.height * scale))

@@ -52,7 +52,7 @@ class Detection:
     ground : GroundPlane
         The visible ground, and the vertical.
     grey : ndarray of uint8, shape (height, width)
-        Left image in grey, as it was matched: smoothed if it is noisy.
+        Left image in grey. If it was matched at this size, as it was matched: smoothed if noisy.
     disparity : ndarray of float32, shape (height, width)
         Pixels, without the camera's offset; 0 where there is no match. Between straightened images
         where lens distortion was corrected: depth follows from it as usual, the direction of a

@@ -61,7 +61,8 @@ def resized(array: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
 class EnlargedDetection(Detection):
     """A detection whose pixels each take what was found at the nearest pixel of another one.
 
-    Clouds have a point for each pixel that was judged, not several for the same measurement.
+    Clouds have a point for each pixel that was judged, not several for the same measurement. The
+    grey image is the given one; the one that was matched, and `remapping`, are those of `judged`.
 
     Parameters
     ----------
@@ -86,10 +87,13 @@ class EnlargedDetection(Detection):
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """The connected obstacles, each with its box in the image and in space, largest first."""
-        pixels = np.bincount(self.obstacle_numbers.ravel())
+        found, judged = self.judged.obstacles, self.judged.camera
+        pixels = np.bincount(self.obstacle_numbers.ravel(), minlength=len(found) + 1)[1:]
+        columns = _first_pixels(judged.width, self.camera.width)
+        rows = _first_pixels(judged.height, self.camera.height)
         return tuple(
-            self._at_full_size(each, int(pixels[number]) if number < len(pixels) else 0)
-            for number, each in enumerate(self.judged.obstacles, start=1)
+            _at_full_size(each, columns, rows, int(count))
+            for each, count in zip(found, pixels, strict=True)
         )
 
     @cached_property
@@ -107,22 +111,29 @@ class EnlargedDetection(Detection):
         """Points on free ground, as those of `judged`."""
         return self.judged.ground_points
 
-    def _at_full_size(self, obstacle: Obstacle, pixels: int) -> Obstacle:
-        across = self.camera.width / self.judged.camera.width
-        down = self.camera.height / self.judged.camera.height
-        left, top = round(obstacle.left * across), round(obstacle.top * down)
-        right = round((obstacle.left + obstacle.width) * across)
-        bottom = round((obstacle.top + obstacle.height) * down)
-        return replace(
-            obstacle, left=left, top=top, width=right - left, height=bottom - top, pixels=pixels
-        )
-
     @property
     def _rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         if self.judged.remapping is None:
             return self.camera.rays()
         x, y = self.judged.remapping.rays(self.judged.camera)
         return resized(x, self.camera.shape), resized(y, self.camera.shape)
+
+
+def _first_pixels(judged: int, full: int) -> NDArray[np.intp]:
+    """First pixel of a row that takes the value of each judged one, and the end of the row."""
+    nearest = resized(np.arange(judged, dtype=np.int32)[np.newaxis], (1, full))[0]
+    return np.searchsorted(nearest, np.arange(judged + 1))
+
+
+def _at_full_size(
+    obstacle: Obstacle, columns: NDArray[np.intp], rows: NDArray[np.intp], pixels: int
+) -> Obstacle:
+    """Let the box cover the pixels that take the values of the judged ones."""
+    left, right = (int(columns[obstacle.left + each]) for each in (0, obstacle.width))
+    top, bottom = (int(rows[obstacle.top + each]) for each in (0, obstacle.height))
+    return replace(
+        obstacle, left=left, top=top, width=right - left, height=bottom - top, pixels=pixels
+    )
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

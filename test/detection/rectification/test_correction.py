@@ -30,6 +30,11 @@ def test_without_distortion_a_frame_stays_as_it_is():
     assert ROWS_ONLY.straightened(given) is given
 
 
+def test_correction_of_reduced_images_has_the_same_angles():
+    found = Correction(RowAlignment(0.5, 0.01), Lenses(BENT)).reduced(2.5)
+    assert found == Correction(RowAlignment(0.2, 0.01), Lenses(BENT))
+
+
 def test_images_are_straightened():
     straight = waves.as_image(waves.texture(COLUMNS, ROWS))
     bent = waves.as_image(waves.texture(*waves.straight_left(CAMERA, COLUMNS, ROWS, BENT)))

@@ -19,7 +19,6 @@ from rover_obstacle_detection.detection.rectification.lens_distortion import (
 from rover_obstacle_detection.detection.stereo.matching import (
     image_penalties,
     match_against_ground,
-    reduced_mask,
 )
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import Penalties
@@ -125,13 +124,3 @@ def test_penalties_stay_within_what_sgbm_can_take():
 
 def test_penalties_of_the_user_are_kept():
     assert penalties_of(textured(10), 1.0, p1=7, p2=70) == Penalties(7, 70)
-
-
-def test_reduced_mask_needs_more_than_half_of_a_pixel():
-    mask = np.zeros((8, 12), bool)
-    mask[:4, :4] = True
-    mask[:4, 4:6] = True  # half of the second pixel
-    mask[4:7, 8:12] = True  # three quarters of the last
-    np.testing.assert_array_equal(
-        reduced_mask(mask, (2, 3)), [[True, False, False], [False, False, True]]
-    )

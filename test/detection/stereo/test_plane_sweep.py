@@ -11,10 +11,10 @@ import waves
 from relief import PosedCamera, flat
 from synthetic import pinhole
 
+from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
-from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.stereo.parameters import SweepParameters
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
 
@@ -45,8 +45,8 @@ def floor(pitch_deg=30.0, height_m=1.0, tile_m=0.0, noise=1.0):
 
 
 def best(pair, found=MISSING, gravity=None, camera=CAMERA, **plane_fit):
-    reduced = ReducedPair(pair, camera, 1.0)
-    return likelier_ground(reduced, found, gravity, PlaneFitParameters(**plane_fit), PARAMETERS)
+    frame = Frame(pair, camera, gravity)
+    return likelier_ground(frame, found, PlaneFitParameters(**plane_fit), PARAMETERS)
 
 
 def composed(below, above, row=50):
