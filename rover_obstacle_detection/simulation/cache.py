@@ -41,6 +41,11 @@ def scene_key(scene: Scene) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+def cached_bag(scene: Scene, folder: Path) -> Path:
+    """Return where the cache has the labelled bag of a scene, or would have it."""
+    return folder / scene_key(scene) / scene.name
+
+
 def simulated_bag(
     scene: Scene, folder: Path, on_progress: OnProgress = lambda done, expected: None
 ) -> Path:
@@ -61,7 +66,7 @@ def simulated_bag(
     OutputError
         If the bag cannot be written.
     """
-    path = folder / scene_key(scene) / scene.name
+    path = cached_bag(scene, folder)
     if path.exists():
         return path
     try:

@@ -13,7 +13,7 @@ from outline_training.examples import Example
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES, PARALLAX_FEATURES
 
 CROP_PX = 160
-"""Side of a crop, a multiple of eight: the network halves the resolution three times."""
+"""Side of a crop, a multiple of sixteen: the network reduces the resolution as much."""
 
 HEIGHT = FEATURES.index('height over the step')
 HEIGHT_OVER_NOISE = FEATURES.index('height over its noise')
@@ -47,12 +47,12 @@ def random_crop(
     Returns
     -------
     features : Tensor of float32, shape (features, CROP_PX, CROP_PX)
-    rock, counted : Tensor of float32, shape (CROP_PX, CROP_PX)
-        1 on rocks, and where the loss counts.
+    target, counted : Tensor of float32, shape (CROP_PX, CROP_PX)
+        At least 0.5 on rocks, less elsewhere; and 1 where the loss counts.
     """
     window, size = random_window(example, generator)
     features = example.features[window].float()[None]
-    targets = torch.stack((example.rock[window], example.counted[window])).float()[None]
+    targets = torch.stack((example.target[window], example.counted[window].half())).float()[None]
     if size != CROP_PX:
         features = functional.interpolate(features, (CROP_PX, CROP_PX), mode='bilinear')
         targets = functional.interpolate(targets, (CROP_PX, CROP_PX), mode='nearest')
@@ -131,7 +131,7 @@ def hide_a_side(features: torch.Tensor, generator: np.random.Generator) -> None:
     features[:, (MEASURED, *PARALLAX_FEATURES)] *= (columns >= border).float()
 
 
-def shade(features: torch.Tensor, rock: torch.Tensor, generator: np.random.Generator) -> None:
+def shade(features: torch.Tensor, target: torch.Tensor, generator: np.random.Generator) -> None:
     """Make a strip, a half or a corner darker or brighter, like a shadow or a wheel track.
 
     In half of the cases rocks keep their grey level.
@@ -147,7 +147,7 @@ def shade(features: torch.Tensor, rock: torch.Tensor, generator: np.random.Gener
         cut = columns * math.cos(angle) + rows * math.sin(angle)
         inside &= cut + generator.normal(0, 0.3 * CROP_PX) > 0
     if generator.random() < 0.5:
-        inside &= ~(rock.numpy() > 0)
+        inside &= ~(target.numpy() >= 0.5)
     share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), generator.uniform(0.5, 3))
     dark = generator.random() < 0.75
     level = -generator.uniform(0.3, 1.6) if dark else generator.uniform(0.2, 0.9)

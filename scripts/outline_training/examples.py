@@ -16,21 +16,25 @@ from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.methods.hybrid import measure
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
+from rover_obstacle_detection.detection.result.enlarged import resized
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
+from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
-from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK, connected
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
 from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
-from rover_obstacle_detection.simulation.cache import cache_folder, simulated_bag
+from rover_obstacle_detection.simulation.cache import cache_folder, cached_bag, simulated_bag
 from rover_obstacle_detection.simulation.suite import load_suite
 
 _PLACES_PER_PART = 40
+_TEACHER_WEIGHT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,8 @@ class Example:
     features : Tensor of float16, shape (features, height, width)
     rock : Tensor of bool, shape (height, width)
         Pixels labelled as rock.
+    target : Tensor of float16, shape (height, width)
+        Probability of rock that is trained for: at least 0.5 on rocks, less elsewhere.
     counted : Tensor of bool, shape (height, width)
         Pixels labelled as rock or as free. The detector finds slopes and drops by other means, so
         its output there does not matter.
@@ -51,25 +57,43 @@ class Example:
 
     features: torch.Tensor
     rock: torch.Tensor
+    target: torch.Tensor
     counted: torch.Tensor
     places: NDArray[np.intp]
 
 
-def bags_of_suite(suite: str, is_chosen: Callable[[str], bool]) -> Iterator[Path]:
+def bags_of_suite(
+    suite: str, is_chosen: Callable[[str], bool], *, cached_only: bool = False
+) -> Iterator[Path]:
     """Render the chosen scenes of a suite, unless the cache has them already.
+
+    Parameters
+    ----------
+    suite : str
+    is_chosen : callable
+        Takes the name of a scene.
+    cached_only : bool
+        Leave out the scenes that the cache does not have.
 
     Raises
     ------
     MissingExtraError
         If a scene must be rendered, and the extra ``sim`` is not installed.
     """
+    folder = cache_folder()
     for scene in load_suite(suite):
-        if is_chosen(scene.name):
-            yield simulated_bag(scene, cache_folder())
+        if is_chosen(scene.name) and (not cached_only or cached_bag(scene, folder).exists()):
+            yield simulated_bag(scene, folder)
 
 
-def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
+def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None) -> list[Example]:
     """Make examples of all labelled frames of recordings, and name the frames that are skipped.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+    teacher : OutlineModel, optional
+        A model to learn from, besides the labels.
 
     Raises
     ------
@@ -79,43 +103,73 @@ def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
     examples = []
     for path in paths:
         print(f'reading {path.name}', file=sys.stderr)
-        before = len(examples)
+        has_labels = False
         with open_bag(path) as bag:
             frames, _ = labelled_frames(bag, find_truth_topics(bag), BagOptions())
             for frame in frames:
                 if isinstance(frame, BadFrame):
                     print(f'skipped: {path}: {frame.reason}', file=sys.stderr)
-                else:
-                    examples.append(example_of(frame))
-        if len(examples) == before:
+                    continue
+                has_labels = True
+                try:
+                    examples.append(example_of(frame, teacher))
+                except UnjudgeablePairError as error:
+                    print(f'skipped: {path}: {error}', file=sys.stderr)
+        if not has_labels:
             msg = f'{path}: no labelled frame'
             raise BagError(msg)
     return examples
 
 
-def example_of(frame: LabelledFrame) -> Example:
-    """Compute a frame's features as the detector does where gravity is not known."""
+def example_of(frame: LabelledFrame, teacher: OutlineModel | None = None) -> Example:
+    """Compute a frame's features as the detector does where gravity is not known.
+
+    Raises
+    ------
+    UnjudgeablePairError
+        If the pair says nothing about the ground, or contradicts itself.
+    """
     parameters = DetectorParameters.from_config(DetectorConfig())
     pair = grey_pair(frame.left, frame.right, frame.camera)
-    _, correction, stereo, terrain = measure(Frame(pair, frame.camera), parameters)
-    standing = standing_parts(terrain, parameters.rocks)
-    features = outline_features(stereo, terrain, standing, EVERYWHERE, parameters.rocks)
-    labels = straightened_labels(frame, correction)
+    measured = measure(Frame(pair, frame.camera), parameters)
+    standing = standing_parts(measured.terrain, parameters.rocks)
+    features = outline_features(
+        measured.stereo, measured.terrain, standing, EVERYWHERE, parameters.rocks
+    )
+    labels = straightened_labels(frame.labels, measured.frame.camera, measured.correction)
     rock = labels == ROCK
+    target = rock.astype(np.float16)
+    if teacher:
+        # Below 1, so that the target is below 0.5 beside rocks.
+        taught = np.minimum(teacher.probability(features), np.float32(0.99))
+        target = ((1 - _TEACHER_WEIGHT) * rock + _TEACHER_WEIGHT * taught).astype(np.float16)
     return Example(
         torch.from_numpy(features.astype(np.float16)),
         torch.from_numpy(rock),
+        torch.from_numpy(target),
         torch.from_numpy(rock | (labels == FREE)),
         even_places(rock | (standing.parts > 0)),
     )
 
 
-def straightened_labels(frame: LabelledFrame, correction: Correction) -> NDArray[np.uint8]:
-    """Labels of the straightened left image, which is what the features show."""
+def straightened_labels(
+    labels: NDArray[np.uint8], camera: StereoCamera, correction: Correction
+) -> NDArray[np.uint8]:
+    """Labels of the straightened left image at another resolution: what the features show.
+
+    Parameters
+    ----------
+    labels : ndarray of uint8, shape (height, width)
+        Of the left image.
+    camera : StereoCamera
+        Of the resolution at which the pair was judged.
+    correction : Correction
+    """
+    labels = resized(labels, camera.shape)
     if not correction.lenses.left:
-        return frame.labels
-    left, _ = correction.lenses.views(frame.camera)
-    labels = left.straightened(frame.labels, cv2.INTER_NEAREST).copy()
+        return labels
+    left, _ = correction.lenses.views(camera)
+    labels = left.straightened(labels, cv2.INTER_NEAREST).copy()
     labels[~left.seen(0)] = NOT_COUNTED
     return labels
 

@@ -23,31 +23,16 @@ from rover_obstacle_detection.errors import ModelError
 # OpenCV 4.8 reads it.
 _OPSET = 13
 _MAX_DIFFERENCE = 1e-4
-_CHECKED_SHAPES = ((CROP_PX, CROP_PX), (72, 136))
+_CHECKED_SHAPES = ((CROP_PX, CROP_PX), (80, 144))
 """The second shows that the file takes other sizes than the one it was exported with."""
 
 
-class Folded(nn.Module):
-    """A `Corrected` without the sum, which OpenCV 4.8 cannot import: its last convolution adds."""
-
-    def __init__(self, corrected: Corrected) -> None:
-        super().__init__()
-        *before, last = corrected.correction
-        assert isinstance(last, nn.Conv2d)
-        self.before = nn.Sequential(*before) if before else None
-        width = last.out_channels
-        self.last = nn.Conv2d(width * (2 if before else 1), width, 3, 1, 1)
-        weight = torch.zeros_like(self.last.weight)
-        weight[:, :width] = last.weight.data
-        weight[torch.arange(width), torch.arange(-width, 0), 1, 1] += 1
-        self.last.weight.data = weight
-        self.last.bias.data = last.bias.data.clone()
-
-    def forward(self, channels: torch.Tensor) -> torch.Tensor:
-        """Return what the `Corrected` would."""
-        if self.before is not None:
-            channels = torch.cat((self.before(channels), channels), 1)
-        return torch.relu(self.last(channels))
+def folded(corrected: Corrected) -> nn.Sequential:
+    """Return a `Corrected` without the sum, which OpenCV 4.8 cannot import."""
+    convolution = copy.deepcopy(corrected.correction)
+    channels = torch.arange(convolution.out_channels)
+    convolution.weight.data[channels, channels, 1, 1] += 1
+    return nn.Sequential(convolution, nn.ReLU())
 
 
 def write_model(net: OutlineNet, path: Path) -> OutlineModel:
@@ -75,12 +60,12 @@ def write_model(net: OutlineNet, path: Path) -> OutlineModel:
 
 
 def onnx_model(net: OutlineNet) -> bytes:
-    """Serialise the network for images of any size that is a multiple of eight."""
-    net = copy.deepcopy(net).eval().to(memory_format=torch.contiguous_format)
+    """Serialise the network for images of any size that is a multiple of sixteen."""
+    net = copy.deepcopy(net).eval()
     for module in list(net.modules()):
         for name, child in module.named_children():
             if isinstance(child, Corrected):
-                setattr(module, name, Folded(child))
+                setattr(module, name, folded(child))
     exported = io.BytesIO()
     with warnings.catch_warnings():
         # The newer exporter writes operators that OpenCV 4.8 does not know.
@@ -93,7 +78,7 @@ def onnx_model(net: OutlineNet) -> bytes:
             output_names=['logits'],
             dynamic_axes={
                 'features': {2: 'height', 3: 'width'},
-                'logits': {2: 'half_height', 3: 'half_width'},
+                'logits': {2: 'quarter_height', 3: 'quarter_width'},
             },
             opset_version=_OPSET,
             dynamo=False,

@@ -7,93 +7,54 @@ from torch import nn
 
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES
 
-FINE, MIDDLE, COARSE = 16, 24, 48
-"""Channels at a half, a quarter and an eighth of the resolution."""
+FINE, MIDDLE, COARSE = 24, 32, 48
+"""Channels at a quarter, an eighth and a sixteenth of the resolution."""
 
-# The four logits of 2 x 2 pixels, row by row, with left and right exchanged.
-_MIRRORED_PIXELS = [1, 0, 3, 2]
+SIDE_PX = 4
+"""Side of the square of pixels whose logits the network returns together."""
 
 
 class Corrected(nn.Module):
     """Adds a correction to its input (He et al. 2016). The correction is zero before training."""
 
-    def __init__(self, width: int, convolutions: int) -> None:
+    def __init__(self, width: int) -> None:
         super().__init__()
-        layers: list[nn.Module] = []
-        for _ in range(convolutions):
-            layers += [nn.Conv2d(width, width, 3, 1, 1), nn.ReLU()]
-        last = layers[-2]
-        assert isinstance(last, nn.Conv2d)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
-        self.correction = nn.Sequential(*layers[:-1])
+        self.correction = nn.Conv2d(width, width, 3, 1, 1)
+        nn.init.zeros_(self.correction.weight)
+        nn.init.zeros_(self.correction.bias)
 
     def forward(self, channels: torch.Tensor) -> torch.Tensor:
         """Return the same shape."""
         return torch.relu(channels + self.correction(channels))
 
 
-class Branch(nn.Module):
-    """A U-Net (Ronneberger et al. 2015): down to an eighth of the resolution, up to a half."""
+class OutlineNet(nn.Module):
+    """A U-Net (Ronneberger et al. 2015): down to a sixteenth of the resolution, up to a quarter.
+
+    Its first convolution sees squares of pixels, whose details it hands to the last one.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        self.down = nn.ModuleList(
-            nn.Sequential(
-                nn.Conv2d(before, after, 4, 2, 1),
-                nn.ReLU(),
-                nn.Conv2d(after, after, 3, 1, 1),
-                nn.ReLU(),
-            )
-            for before, after in ((len(FEATURES), FINE), (FINE, MIDDLE), (MIDDLE, COARSE))
-        )
-        self.up = nn.ModuleList(
-            nn.ConvTranspose2d(before, after, 2, 2)
-            for before, after in ((COARSE, MIDDLE), (MIDDLE, FINE))
-        )
-        self.merge = nn.ModuleList(
-            nn.Sequential(nn.Conv2d(2 * width, width, 3, 1, 1), nn.ReLU())
-            for width in (MIDDLE, FINE)
-        )
-        self.correct_coarse = nn.Sequential(Corrected(COARSE, 2), Corrected(COARSE, 2))
-        self.correct_middle = nn.Sequential(Corrected(MIDDLE, 1), Corrected(MIDDLE, 1))
+        self.fine = corrected(nn.Conv2d(len(FEATURES), FINE, SIDE_PX, SIDE_PX), 1)
+        self.middle = corrected(nn.Conv2d(FINE, MIDDLE, 4, 2, 1), 1)
+        self.coarse = corrected(nn.Conv2d(MIDDLE, COARSE, 4, 2, 1), 5)
+        self.to_middle = nn.ConvTranspose2d(COARSE, MIDDLE, 2, 2)
+        self.merge_middle = corrected(nn.Conv2d(2 * MIDDLE, MIDDLE, 1), 2)
+        self.to_fine = nn.ConvTranspose2d(MIDDLE, FINE, 2, 2)
+        self.merge_fine = corrected(nn.Conv2d(2 * FINE, FINE, 1), 1)
+        self.out = nn.Conv2d(FINE, SIDE_PX**2, 3, 1, 1)
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """Return shape (n, FINE, height / 2, width / 2)."""
-        half = self.down[0](features)
-        quarter = self.down[1](half)
-        eighth = self.correct_coarse(self.down[2](quarter))
-        middle = self.merge[0](torch.cat((self.up[0](eighth), quarter), 1))
-        middle = self.correct_middle(middle)
-        return self.merge[1](torch.cat((self.up[1](middle), half), 1))
+        """Return the logits of each square of pixels, shape (n, 16, height / 4, width / 4)."""
+        fine = self.fine(features)
+        middle = self.middle(fine)
+        coarse = self.coarse(middle)
+        middle = self.merge_middle(torch.cat((self.to_middle(coarse), middle), 1))
+        return self.out(self.merge_fine(torch.cat((self.to_fine(middle), fine), 1)))
 
 
-class OutlineNet(nn.Module):
-    """Branches side by side, and a convolution that makes logits of what they return."""
-
-    def __init__(self, branches: int = 1) -> None:
-        super().__init__()
-        self.branches = nn.ModuleList(Branch() for _ in range(branches))
-        self.out = nn.Conv2d(branches * FINE, 4, 3, 1, 1)
-
-    def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """Return four logits for each 2 x 2 pixels, shape (n, 4, height / 2, width / 2)."""
-        return self.out(torch.cat([branch(features) for branch in self.branches], 1))
-
-
-def beside_its_mirror_image(single: OutlineNet) -> OutlineNet:
-    """Put a trained branch beside a copy of itself that sees left and right exchanged.
-
-    The result returns the mean of what `single` returns for an image and for its mirror image.
-    """
-    both = OutlineNet(branches=2)
-    for branch in both.branches:
-        branch.load_state_dict(single.branches[0].state_dict())
-    for module in both.branches[1].modules():
-        if isinstance(module, nn.Conv2d | nn.ConvTranspose2d):
-            module.weight.data = module.weight.data.flip(-1)
-    weight, bias = single.out.weight.data, single.out.bias.data
-    mirrored_weight = weight.flip(-1)[_MIRRORED_PIXELS]
-    both.out.weight.data = torch.cat((weight, mirrored_weight), 1) / 2
-    both.out.bias.data = (bias + bias[_MIRRORED_PIXELS]) / 2
-    return both
+def corrected(first: nn.Conv2d, corrections: int) -> nn.Sequential:
+    """Make a layer and its corrections."""
+    width = first.out_channels
+    return nn.Sequential(first, nn.ReLU(), *(Corrected(width) for _ in range(corrections)))

@@ -1,10 +1,12 @@
-"""The training of the network from random weights: one branch first, then both together."""
+"""The training of the network from random weights."""
 
 from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
@@ -13,7 +15,7 @@ from torch.optim.swa_utils import AveragedModel
 
 from outline_training.crops import random_crop
 from outline_training.examples import Example
-from outline_training.network import OutlineNet, beside_its_mirror_image
+from outline_training.network import SIDE_PX, OutlineNet
 
 _BATCH = 10
 _PEAK_RATE, _LEAST_RATE = 3e-3, 1e-5
@@ -29,55 +31,63 @@ _SPECK_PX = 50
 _REPORTED_EVERY = 100
 
 
-def train_from_random_weights(
-    examples: Sequence[Example], steps: int, seed: int = 0
+def train(
+    examples: Sequence[Example], steps: int, minutes: float = math.inf, seed: int = 0
 ) -> OutlineNet:
-    """Train one branch, put it beside its mirror image, and train both together.
+    """Minimise the loss of random crops by AdamW, and return the running mean of the weights.
 
     Parameters
     ----------
     examples : sequence of Example
     steps : int
-        At least 2. Half of them train the single branch.
+    minutes : float
+        The training ends after this time if the steps take longer. The learning rate falls in
+        time for whichever comes first.
     seed : int
-        The same seed gives the same weights on the same machine.
+        The same seed gives the same weights on the same machine, unless time runs out.
     """
     torch.manual_seed(seed)
     generator = np.random.default_rng(seed)
-    single = train(OutlineNet(branches=1), examples, steps // 2, generator)
-    return train(beside_its_mirror_image(single), examples, steps - steps // 2, generator)
-
-
-def train(
-    net: OutlineNet, examples: Sequence[Example], steps: int, generator: np.random.Generator
-) -> OutlineNet:
-    """Minimise the loss of random crops by AdamW, and return the running mean of the weights."""
+    net = OutlineNet()
     mean = AveragedModel(net, multi_avg_fn=update_running_mean)
     optimizer = torch.optim.AdamW(net.parameters(), weight_decay=_WEIGHT_DECAY)
-    net.to(memory_format=torch.channels_last)
-    for step in range(steps):
-        for group in optimizer.param_groups:
-            group['lr'] = learning_rate(step, steps)
-        crops = [
-            random_crop(examples[generator.integers(len(examples))], generator)
-            for _ in range(_BATCH)
-        ]
-        features, rock, counted = (torch.stack(each) for each in zip(*crops, strict=True))
-        logits = pixel_logits(net, features.to(memory_format=torch.channels_last))
-        loss = loss_of(logits, rock, counted)
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        mean.update_parameters(net)
-        if (step + 1) % _REPORTED_EVERY == 0:
-            branches = len(net.branches)
-            print(
-                f'{branches} of 2 branches, step {step + 1} of {steps}: loss {loss.item():.3f}',
-                file=sys.stderr,
-            )
+    began = time.monotonic()
+    # The next batch is cut while the network learns from this one.
+    with ThreadPoolExecutor(1) as pool:
+        batch = pool.submit(random_batch, examples, generator)
+        for step in range(steps):
+            passed = (time.monotonic() - began) / 60 / minutes
+            if passed >= 1:
+                break
+            for group in optimizer.param_groups:
+                group['lr'] = learning_rate(step, max(step / steps, passed))
+            features, target, counted = batch.result()
+            batch = pool.submit(random_batch, examples, generator)
+            loss = loss_of(pixel_logits(net, features), target, counted)
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            mean.update_parameters(net)
+            if (step + 1) % _REPORTED_EVERY == 0:
+                print(
+                    f'step {step + 1} of {steps}, {(time.monotonic() - began) / 60:.1f} minutes: '
+                    f'loss {loss.item():.3f}',
+                    file=sys.stderr,
+                )
     averaged = mean.module
     assert isinstance(averaged, OutlineNet)
     return averaged
+
+
+def random_batch(
+    examples: Sequence[Example], generator: np.random.Generator
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Stack random crops of random examples."""
+    crops = [
+        random_crop(examples[generator.integers(len(examples))], generator) for _ in range(_BATCH)
+    ]
+    features, target, counted = zip(*crops, strict=True)
+    return torch.stack(features), torch.stack(target), torch.stack(counted)
 
 
 @torch.no_grad()
@@ -90,16 +100,20 @@ def update_running_mean(
         mean.lerp_(value, 1 - decay)
 
 
-def learning_rate(step: int, steps: int) -> float:
+def learning_rate(step: int, progress: float) -> float:
     """Learning rate that rises linearly at first, then falls as half a cosine."""
     warm_up = min(1.0, step / _WARM_UP_STEPS)
-    falling = 0.5 * (1 + math.cos(math.pi * step / steps))
+    falling = 0.5 * (1 + math.cos(math.pi * progress))
     return _PEAK_RATE * warm_up * falling + _LEAST_RATE
 
 
-def loss_of(logits: torch.Tensor, rock: torch.Tensor, counted: torch.Tensor) -> torch.Tensor:
-    """Cross-entropy of the counted pixels, plus a share of one minus the mean soft IoU."""
-    entropy = functional.binary_cross_entropy_with_logits(logits, rock, reduction='none')
+def loss_of(logits: torch.Tensor, target: torch.Tensor, counted: torch.Tensor) -> torch.Tensor:
+    """Cross-entropy of the counted pixels, plus a share of one minus the mean soft IoU.
+
+    Targets are probabilities. Those of at least 0.5 are rock to the IoU.
+    """
+    entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction='none')
+    rock = (target >= 0.5).float()
     iou = soft_iou(torch.sigmoid(logits) * counted, rock * counted).mean()
     return (entropy * counted).sum() / counted.sum().clamp(min=1) + _IOU_WEIGHT * (1 - iou)
 
@@ -113,4 +127,4 @@ def soft_iou(probability: torch.Tensor, rock: torch.Tensor) -> torch.Tensor:
 
 def pixel_logits(net: OutlineNet, features: torch.Tensor) -> torch.Tensor:
     """Logit of each pixel, shape (n, height, width)."""
-    return functional.pixel_shuffle(net(features), 2)[:, 0]
+    return functional.pixel_shuffle(net(features), SIDE_PX)[:, 0]

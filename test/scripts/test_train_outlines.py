@@ -22,11 +22,12 @@ from outline_training.examples import (
     examples_of_bags,
     straightened_labels,
 )
-from outline_training.export import Folded, write_model
-from outline_training.network import Corrected, OutlineNet, beside_its_mirror_image
+from outline_training.export import folded, write_model
+from outline_training.network import Corrected, OutlineNet
 from outline_training.score import mean_iou
-from outline_training.train import loss_of, pixel_logits, train_from_random_weights
+from outline_training.train import loss_of, pixel_logits
 
+from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
@@ -37,8 +38,7 @@ from rover_obstacle_detection.detection.rocks.outline_features import (
     PARALLAX_FEATURES,
 )
 from rover_obstacle_detection.detection.rocks.outline_model import VERSION_KEY, OutlineModel
-from rover_obstacle_detection.errors import ModelError
-from rover_obstacle_detection.evaluation.frame import LabelledFrame
+from rover_obstacle_detection.errors import ModelError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED, ROCK
 
 BAG = Path(__file__).parents[2] / 'bags' / 'simulated_vga_moon'
@@ -66,6 +66,7 @@ def example(height=200, width=240, rock=np.s_[80:120, 100:150]):
     return Example(
         torch.from_numpy(features.astype(np.float16)),
         torch.from_numpy(rocks),
+        torch.from_numpy(rocks).half(),
         torch.ones(height, width, dtype=torch.bool),
         even_places(rocks),
     )
@@ -102,7 +103,7 @@ def test_one_command_leads_to_a_file_that_the_detector_reads(trained):
 
 
 def test_the_same_seed_leads_to_the_same_network_in_onnx_as_in_torch(trained):
-    net = train_from_random_weights(examples_of_bags([BAG]), 2)
+    net = train.train(examples_of_bags([BAG]), 2)
     features = random_features(64, 96)
     found = OutlineModel(trained.read_bytes()).probability(features)
     np.testing.assert_allclose(found, probabilities(net, features), atol=1e-4)
@@ -111,39 +112,39 @@ def test_the_same_seed_leads_to_the_same_network_in_onnx_as_in_torch(trained):
 def test_a_file_that_differs_from_the_network_is_not_kept(monkeypatch, tmp_path):
     path = tmp_path / 'model.onnx'
     path.write_bytes(b'former model')
-    other = export.onnx_model(random_weights(OutlineNet(2), seed=1))
+    other = export.onnx_model(random_weights(OutlineNet(), seed=1))
     monkeypatch.setattr(export, 'onnx_model', lambda net: other)
     with pytest.raises(ModelError, match='differs from the trained network'):
-        write_model(random_weights(OutlineNet(2)), path)
+        write_model(random_weights(OutlineNet()), path)
     assert path.read_bytes() == b'former model'
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_corrections_are_exported(tmp_path):
-    net = random_weights(OutlineNet(2))
-    features = random_features(48, 40)
+    net = random_weights(OutlineNet())
+    features = random_features(48, 80)
     model = write_model(net, tmp_path / 'model.onnx')
     np.testing.assert_allclose(
         model.probability(features), probabilities(net, features), atol=1e-4
     )
 
 
-@pytest.mark.parametrize('convolutions', [1, 2])
-def test_folding_changes_nothing(convolutions):
-    corrected = random_weights(Corrected(6, convolutions))
+def test_folding_changes_nothing():
+    corrected = random_weights(Corrected(6))
     channels = torch.from_numpy(random_features(9, 7)[None, :6])
-    torch.testing.assert_close(Folded(corrected)(channels), corrected(channels))
+    torch.testing.assert_close(folded(corrected)(channels), corrected(channels))
 
 
-def test_two_branches_begin_as_the_mean_of_an_image_and_its_mirror_image():
-    single = random_weights(OutlineNet(1))
-    features = torch.from_numpy(random_features(32, 48)[None])
-    with torch.no_grad():
-        mirrored = pixel_logits(single, features.flip(-1)).flip(-1)
-        expected = (pixel_logits(single, features) + mirrored) / 2
-        found = pixel_logits(beside_its_mirror_image(single), features)
-    assert (mirrored - expected).abs().max() > 0.01
-    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)
+def test_training_ends_when_its_time_is_over():
+    net = train.train([example()], steps=10**6, minutes=0.02)
+    assert net.out.weight.isfinite().all()
+
+
+def test_the_learning_rate_falls_to_nearly_nothing():
+    rates = [train.learning_rate(step, step / 1000) for step in range(1000)]
+    assert rates[0] == pytest.approx(train._LEAST_RATE)
+    assert max(rates) == pytest.approx(train._PEAK_RATE, rel=0.05)
+    assert rates[-1] < 2 * train._LEAST_RATE
 
 
 def test_what_is_not_counted_does_not_matter():
@@ -155,6 +156,41 @@ def test_what_is_not_counted_does_not_matter():
     torch.testing.assert_close(loss_of(changed, rock, counted), loss_of(logits, rock, counted))
     assert loss_of(40 * (rock - 0.5), rock, counted) < 1e-3
     assert loss_of(40 * (0.5 - rock), rock, counted) > 1
+
+
+def test_a_teacher_makes_rock_less_or_more_likely_but_not_another_label():
+    class Teacher:
+        def probability(self, features):
+            return np.tile(np.float32([0, 0.4, 1]), features.shape[1:])[:, : features.shape[2]]
+
+    (alone,), (taught,) = examples_of_bags([BAG]), examples_of_bags([BAG], Teacher())
+    torch.testing.assert_close(alone.target, alone.rock.half())
+    torch.testing.assert_close(taught.target >= 0.5, taught.rock)
+    assert taught.rock.any()
+    expected = {0: (0, 0.2, 0.495), 1: (0.5, 0.7, 0.995)}
+    for label, values in expected.items():
+        found = taught.target[taught.rock == label].unique().tolist()
+        assert found == pytest.approx(values, abs=1e-3)
+
+
+def test_a_pair_that_cannot_be_judged_is_skipped_and_named(monkeypatch, capsys):
+    def refuse(frame, parameters):
+        raise UnjudgeablePairError('nothing to see')
+
+    monkeypatch.setattr(examples, 'measure', refuse)
+    assert examples_of_bags([BAG]) == []
+    assert 'skipped' in (shown := capsys.readouterr().err)
+    assert 'nothing to see' in shown
+
+
+def test_labels_have_the_resolution_at_which_the_pair_was_judged(monkeypatch):
+    config = DetectorConfig(working_scale=0.5)
+    monkeypatch.setattr(examples, 'DetectorConfig', lambda: config)
+    (made,) = examples_of_bags([BAG])
+    assert made.rock.shape == made.counted.shape == made.features.shape[1:] == (150, 200)
+    # The labels lie where the features show something that stands up.
+    height = made.features[HEIGHT].float()
+    assert height[made.rock].mean() > height[made.counted & ~made.rock].mean() + 0.3
 
 
 @pytest.mark.parametrize('shape', [(200, 240), (90, 300)])
@@ -225,18 +261,20 @@ def test_labels_are_straightened_with_the_image():
     )
     labels = np.zeros(camera.shape, np.uint8)
     cv2.circle(labels, (130, 90), 8, ROCK, cv2.FILLED)
-    frame = LabelledFrame(0, camera, labels, labels, labels, labels.astype(np.uint16))
-    assert straightened_labels(frame, Correction()) is labels
+    np.testing.assert_array_equal(straightened_labels(labels, camera, Correction()), labels)
+    half = straightened_labels(labels, camera.resized(80, 60), Correction())
+    np.testing.assert_array_equal(np.unique(half), [0, ROCK])
+    assert np.argwhere(half == ROCK).mean(axis=0) == pytest.approx([45, 65], abs=0.5)
     barrel = LensDistortion(k1=-0.08)
     correction = Correction(lenses=Lenses(barrel, barrel))
-    found = straightened_labels(frame, correction)
+    found = straightened_labels(labels, camera, correction)
     rows, columns = np.nonzero(found == ROCK)
     # The lens shows the point at a smaller radius than a straight image does.
     radius = np.hypot(130 - 80, 90 - 60) / 80
     straight = np.hypot(columns.mean() - 80, rows.mean() - 60) / 80
     assert straight + barrel.k1 * straight**3 == pytest.approx(radius, abs=0.02)
     pincushion = Lenses(LensDistortion(k1=0.08), LensDistortion(k1=0.08))
-    found = straightened_labels(frame, Correction(lenses=pincushion))
+    found = straightened_labels(labels, camera, Correction(lenses=pincushion))
     assert found[0, 0] == NOT_COUNTED
     assert found[60, 80] == 0
 
@@ -262,18 +300,29 @@ def test_iou_counts_frames_with_rocks_and_counted_pixels():
 def named_bags(monkeypatch):
     """Each bag stands for its own example; nothing is rendered."""
     monkeypatch.setattr(examples, 'simulated_bag', lambda scene, folder: scene.name)
-    monkeypatch.setattr(train_outlines, 'examples_of_bags', list)
+    monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths, teacher=None: [*paths])
 
 
 def test_the_suites_share_no_scene(named_bags):
     training, unseen = train_outlines.suites()
-    held_out, tuning = unseen['held-out scenes'], unseen['tuning scenes']
-    assert len(held_out) == 30
-    assert len(training) > 300
-    assert not set(training) & set(held_out)
-    assert all(name.startswith('train_') for name in training + held_out)
+    held_out = unseen['held-out scenes of training']
+    wide = unseen['held-out scenes of training_wide']
+    assert (len(held_out), len(wide)) == (35, 12)
+    assert len(training) > 400
+    assert not set(training) & {*held_out, *wide}
+    assert {name.partition('_')[0] for name in training} == {'train', 'wide'}
+    tuning = unseen['tuning scenes']
     assert tuning
     assert all(name.startswith('tune_') for name in tuning)
+
+
+def test_scenes_that_the_cache_does_not_have_can_be_left_out(named_bags, monkeypatch, tmp_path):
+    for name in ('train_04_vga_slope_up_26', 'train_10_navcam_noon'):
+        (tmp_path / name).mkdir()
+    monkeypatch.setattr(examples, 'cached_bag', lambda scene, folder: tmp_path / scene.name)
+    training, unseen = train_outlines.suites(cached_only=True)
+    assert training == ['train_04_vga_slope_up_26']
+    assert list(unseen.values()) == [['train_10_navcam_noon'], [], []]
 
 
 def test_each_tenth_bag_is_held_out(named_bags):
@@ -296,8 +345,9 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_training(tmp_pat
         train_outlines.main(['--bags', str(BAG), '--output', str(output)])
 
 
-def test_a_step_for_each_phase_is_needed(capsys):
+@pytest.mark.parametrize(('option', 'least'), [('--steps', 'at least 1'), ('--minutes', 'more')])
+def test_no_training_at_all_is_refused(capsys, option, least):
     with pytest.raises(SystemExit) as exited:
-        train_outlines.main(['--steps', '1'])
+        train_outlines.main([option, '0'])
     assert exited.value.code == 2
-    assert 'expected at least 2' in capsys.readouterr().err
+    assert f'expected {least}' in capsys.readouterr().err

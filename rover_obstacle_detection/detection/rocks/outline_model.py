@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from functools import lru_cache
 from importlib import resources
@@ -22,7 +23,7 @@ VERSION_KEY = 'features_version'
 # Taller windows are run in two halves, which takes half the memory. Each half extends this far
 # beyond its end, as far as the network looks.
 _MAX_ROWS = 512
-_REACH_PX = 80
+_REACH_PX = 144
 
 
 class OutlineModel:
@@ -40,8 +41,9 @@ class OutlineModel:
 
     Notes
     -----
-    Two U-shaped branches (Ronneberger et al. 2015) side by side, trained on rendered scenes by
-    ``scripts/train_outlines.py``. Its inputs, `FEATURES`, have no units.
+    U-shaped (Ronneberger et al. 2015), trained on rendered scenes by
+    ``scripts/train_outlines.py``. Its inputs, `FEATURES`, have no units. It returns the logits of
+    a square of pixels together, so that none of its layers has the resolution of the image.
     """
 
     def __init__(self, data: bytes | None = None) -> None:
@@ -94,10 +96,11 @@ class OutlineModel:
         """Fill in the logit of each pixel; rows and columns are multiples of a block."""
         with self._lock:
             self._net.setInput(np.ascontiguousarray(features[np.newaxis]))
-            quarters = self._net.forward()[0].copy()
-        # Four logits for each 2 x 2 pixels, row by row.
-        for number, quarter in enumerate(quarters):
-            logit[number // 2 :: 2, number % 2 :: 2] = quarter
+            planes = self._net.forward()[0].copy()
+        # The logits of each square of pixels, row by row.
+        side = math.isqrt(len(planes))
+        for number, plane in enumerate(planes):
+            logit[number // side :: side, number % side :: side] = plane
 
 
 @lru_cache(maxsize=1)
