@@ -57,7 +57,7 @@ def arrays(found):
 
 @pytest.fixture(scope='module', params=METHODS)
 def found(request):
-    return detect(method=request.param)
+    return detect(method=request.param, ground_cell=0.0)
 
 
 def test_package_exports_the_detector():

@@ -20,6 +20,7 @@ CONFIGURED = {
     'max_camera_pitch': ('plane_fit',),
     'max_camera_roll': ('plane_fit',),
     'working_scale': ('resolution',),
+    'ground_cell': ('result',),
     'min_range': ('stereo',),
     'max_range': ('plane_fit', 'resolution', 'terrain', 'rocks', 'study'),
     'min_disparity': ('stereo',),

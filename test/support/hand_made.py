@@ -37,7 +37,7 @@ def small_detection(camera=None, **changes):
     disparity[:, :2] = 0
     up = Gravity.from_angles(46.0).up
     fields = {
-        'parameters': DetectorParameters.from_config(DetectorConfig()),
+        'parameters': DetectorParameters.from_config(DetectorConfig(ground_cell=0.0)),
         'ground': GroundPlane(up, 1.0, up),
         'grey': np.full(shape, 100, np.uint8),
         'disparity': disparity,

@@ -67,7 +67,9 @@ def detection(min_confidence=0.9, where=SPECK, cue=Cue.SLOPE, noise_px=0.2):
     probability[ROCK] = 0.99
     return replace(
         made,
-        parameters=DetectorParameters.from_config(DetectorConfig(min_confidence=min_confidence)),
+        parameters=DetectorParameters.from_config(
+            DetectorConfig(min_confidence=min_confidence, ground_cell=0.0)
+        ),
         mask=mask,
         cues=cues,
         disparity=np.where(made.disparity > 0, made.disparity + noise, 0).astype(np.float32),
