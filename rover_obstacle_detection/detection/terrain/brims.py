@@ -49,6 +49,8 @@ class Brims:
         Brims that are seen steeply enough to tell them from the crest of gentle ground.
     level_m : ndarray of float32, shape (n,)
         Height of the ground at each brim, metres.
+    edge_rows : ndarray of int, shape (n,)
+        Rows of the ground before each brim that belong to its edge.
     surface : Surface
         What may lie lower.
     """
@@ -58,6 +60,7 @@ class Brims:
     drop_rows: Rows
     sure: Mask
     level_m: Image
+    edge_rows: Rows
     surface: Surface
 
     def not_on(self, obstacles: Mask, parameters: BrimParameters) -> Brims:
@@ -75,15 +78,19 @@ class Brims:
             drop_rows=self.drop_rows[kept],
             sure=self.sure[kept],
             level_m=self.level_m[kept],
+            edge_rows=self.edge_rows[kept],
         )
 
     def edge(self, parameters: BrimParameters) -> Mask:
-        """Mark the last few pixels of the ground before each sure brim, shape (height, width)."""
-        edge = np.zeros(self.surface.height_m.shape, np.bool_)
-        rows, columns = self.rows[self.sure], self.columns[self.sure]
-        for step in range(-parameters.blur_px, parameters.edge_px + 1):
-            edge[np.clip(rows + step, 0, len(edge) - 1), columns] = True
-        return edge
+        """Mark the last of the ground before each sure brim, shape (height, width)."""
+        sure, blur = self.sure, parameters.blur_px
+        # One more at the first row of each edge and one less after its last: sums count edges.
+        change = np.zeros((len(self.surface.height_m) + 1, self.surface.height_m.shape[1]), int)
+        rows, columns = self.rows[sure], self.columns[sure]
+        np.add.at(change, (np.maximum(rows - blur, 0), columns), 1)
+        after = np.minimum(rows + self.edge_rows[sure] + 1, len(change) - 1)
+        np.add.at(change, (after, columns), -1)
+        return np.asarray(np.cumsum(change[:-1], axis=0) > 0)
 
     def beyond(self) -> Mask:
         """Mark the pixels behind a brim that lie lower than the rover can step.
@@ -133,8 +140,10 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
     # Where matching blurs the ground just before it, a brim looks like a crest.
-    sure &= p.before_m * surface.rows_per_metre(brim) > p.reach_px
-    return Brims(rows, columns, drop_rows, sure, brim.height_m, surface.limits())
+    rows_per_metre = surface.rows_per_metre(brim)
+    sure &= p.before_m * rows_per_metre > p.reach_px
+    edge_rows = np.maximum(np.rint(p.edge_m * rows_per_metre), p.edge_px).astype(np.intp)
+    return Brims(rows, columns, drop_rows, sure, brim.height_m, edge_rows, surface.limits())
 
 
 class _Surface:

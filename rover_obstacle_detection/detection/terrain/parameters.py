@@ -128,9 +128,13 @@ class BrimParameters:
         jump over its block and the window of the refinement.
     max_unseen_px : int
         Rows without a match that a brim may have above it. Derived: matching leaves gaps at jumps.
-    blur_px, edge_px : int
-        Rows above and below the last match before a brim that are marked. Derived: matching may
-        place a brim a few pixels too high, and a planner needs some points to see it.
+    blur_px : int
+        Rows above the last match before a brim that are marked. Derived: matching may place a brim
+        a few pixels too high.
+    edge_m, edge_px : float, int
+        Ground before a brim that is marked, and least rows of it. Derived: the finest scale at
+        which slopes are measured, where the ground falls with the brim; a planner needs some
+        points to see it.
     noises : float
         Standard deviations by which a drop exceeds the step. Derived: the usual three.
     min_hidden_share : float
@@ -159,6 +163,7 @@ class BrimParameters:
     reach_px: int = 4
     max_unseen_px: int = 12
     blur_px: int = 1
+    edge_m: float = 0.14
     edge_px: int = 2
     noises: float = 3.0
     min_hidden_share: float = 0.6
