@@ -68,18 +68,13 @@ def estimate_rectification(
     if np.count_nonzero(disparity) < parameters.min_matched_pixels:
         return RectificationEstimate(known)
     equations = RowEquations(reduced, disparity, known)
-    row_change = equations.solve(ROW_UNKNOWNS)
-    rows = equations.rows(row_change)
+    rows = equations.rows(equations.solve(ROW_UNKNOWNS))
     shift_px = max(abs(rows.offset_px), abs(rows.turn) * camera.width / 2) * reduction
     if shift_px > parameters.max_row_shift_px:
         rows = STRAIGHT
     correction = replace(known, rows=rows.reduced(1 / reduction))
     if not equations.enough_for_lenses:
         return RectificationEstimate(correction)
-    # Most lenses are straight, which the first-order gain shows in a third of the time.
-    gain = equations.lens_gain(np.pad(row_change, (0, UNKNOWNS - ROW_UNKNOWNS)))
-    if gain < parameters.min_lens_gain_of_rows:
-        return RectificationEstimate(correction, gain)
     change = equations.solve(UNKNOWNS)
     lenses = equations.lenses(change)
     if lenses.max_bend_px(camera) > parameters.max_bend_share * camera.width:

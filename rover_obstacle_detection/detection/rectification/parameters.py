@@ -28,9 +28,6 @@ class RectificationParameters:
     min_lens_gain : float
         Gain required of each later estimate. Correction raises the gain of true distortion.
         Measured: straight lenses that pass the first threshold reach 21 in the same pairs.
-    min_lens_gain_of_rows : float
-        Gain, to first order, below which an estimate of the lenses is not worth its time.
-        Measured: about half of the gain of that estimate.
     max_lens_passes : int
         Most rounds of straightening and matching. Tuned on rendered pairs.
     settled_lens_px : float
@@ -87,7 +84,6 @@ class RectificationParameters:
     max_bend_share: float = 0.15
     min_first_lens_gain: float = 12.0
     min_lens_gain: float = 30.0
-    min_lens_gain_of_rows: float = 4.0
     max_lens_passes: int = 8
     settled_lens_px: float = 0.25
     min_mean_bend_px: float = 0.2
