@@ -29,6 +29,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 # Of images with 480 rows.
 MARGIN_PX = 3
 BAND_PX = 12
+EDGE_M = 0.15
 COVER_MARGIN_PX = 24
 ROWS = 480
 # Free ground counts up to this many camera heights, and down to this disparity with 480 rows.
@@ -200,7 +201,10 @@ def expected_values(scene: HazardScene, depth_m: np.ndarray, surface: np.ndarray
 
 
 def band_px(rig: Rig) -> int:
-    """Half the height of a band, pixels; nothing counts up to twice as far from its line."""
+    """Half the height of a band, pixels.
+
+    Nothing counts up to twice as far from its line, nor `EDGE_M` before it.
+    """
     return max(round(BAND_PX * rig.height / ROWS), 3)
 
 
@@ -208,13 +212,25 @@ def _draw_band(expected: np.ndarray, band: Band, scene: HazardScene, depth: np.n
     half = band_px(scene.rig)
     rows = np.arange(scene.rig.height)[:, np.newaxis]
     line = _rows_of(band, scene.rig, depth)
+    before = _rows_of(_nearer(band), scene.rig, depth)
     seen = np.isfinite(line)
     with np.errstate(invalid='ignore'):
         near = np.abs(rows - line) < 2 * half
+        near |= (rows > line) & (rows < before)
         if band.hides:
             near |= rows < line
         expected[near & seen] = UNCOUNTED
         expected[(np.abs(rows - line) < half) & seen] = BRIM
+
+
+def _nearer(band: Band) -> Band:
+    """The same line, a wheel's reach nearer to the camera."""
+    start, end = np.asarray(band.start), np.asarray(band.end)
+    across = np.array([end[1] - start[1], start[0] - end[0], 0.0])
+    across *= EDGE_M / np.linalg.norm(across)
+    if start @ across < 0:
+        across = -across
+    return Band(tuple(start - across), tuple(end - across))
 
 
 def _rows_of(band: Band, rig: Rig, depth: np.ndarray) -> np.ndarray:

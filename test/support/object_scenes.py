@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ground_hazards import trench_line
-from hazard_scene import HazardScene
+from hazard_scene import EDGE_M, HazardScene
 from scene_parts import (
     FAR_M,
     GROUND,
@@ -183,8 +183,9 @@ def shadows() -> Iterator[HazardScene]:
         ('study', 0.9, 0.5, 0.4),
     ):
         far = distance_m + width_m
-        points = [(-FAR_M, 0.0), (distance_m, 0.0), *trench_line(depth_m, width_m, distance_m)]
-        expects = [FREE, UNCOUNTED, NOT_FREE, NOT_FREE, FREE]
+        points = [(-FAR_M, 0.0), (distance_m - EDGE_M, 0.0), (distance_m, 0.0)]
+        points += trench_line(depth_m, width_m, distance_m)
+        expects = [FREE, UNCOUNTED, UNCOUNTED, NOT_FREE, NOT_FREE, FREE]
         dark = Light(shadows=(Shadow((-FAR_M, FAR_M), (distance_m - 0.001, far + 0.001), 0.02),))
         ground = profile(points, expects)
         yield make_scene('shadow_trench', RIGS[name], ground, distance_m, light=dark)

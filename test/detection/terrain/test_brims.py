@@ -11,6 +11,7 @@ from relief import PARAMETERS, PosedCamera, bank, block, flat
 from synthetic import pinhole
 
 from rover_obstacle_detection.detection.terrain.brims import find_brims
+from rover_obstacle_detection.detection.terrain.parameters import BrimParameters
 
 # As many rows as in real images: a few of them are little ground.
 CAMERA = pinhole(44, 320, 60.0, 0.15)
@@ -99,14 +100,20 @@ def test_noise_hides_a_brim():
     assert not Found(edge(0.2), noise_px=1.0).columns.size
 
 
-def test_the_last_pixels_before_a_brim_are_its_edge():
+def test_the_ground_within_a_wheels_reach_before_a_brim_is_its_edge():
     found = Found(edge())
+    before_m = np.where(found.edge, 2 - found.y, np.nan)[found.y < 2]
+    assert np.nanmin(before_m) < 0.03
+    assert 0.12 < np.nanmax(before_m) < 0.18
+    marked = found.edge.sum(axis=0)[found.columns]
     p = found.parameters.brims
-    marked = found.edge.sum(axis=0)
-    assert (marked[found.columns] == p.blur_px + p.edge_px + 1).all()
-    assert np.nanmax(np.abs(np.where(found.edge, found.y, np.nan)[found.y < 2] - 2)) < 0.12
-    wider = replace(p, edge_px=6)
-    assert found.brims.edge(wider).sum() == found.columns.size * (p.blur_px + 7)
+    assert (marked == found.brims.edge_rows + p.blur_px + 1).all()
+
+
+def test_an_edge_has_some_rows_however_far_away():
+    p = BrimParameters(edge_m=0.0, edge_px=6)
+    found = Found(edge(), brims=p)
+    assert (found.edge.sum(axis=0)[found.columns] == p.blur_px + 7).all()
 
 
 def test_what_lies_lower_behind_a_brim_is_beyond_it():
