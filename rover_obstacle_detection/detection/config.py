@@ -156,19 +156,19 @@ class DetectorConfig:
         5.0,
         90.0,
     )
-    working_scale: float = _parameter(
-        0.0,
-        'Method hybrid: scale at which images are judged; 1: as they are; 0: so that the step has '
-        'enough pixels.',
-        0.0,
-        1.0,
-    )
     max_camera_roll: float = _parameter(
         25.0,
         'Where the vertical is estimated: greatest roll of the camera against the ground plane '
         '(deg).',
         1.0,
         90.0,
+    )
+    working_scale: float = _parameter(
+        0.0,
+        'Method hybrid: scale at which images are judged; 1: as they are; 0: so that the step has '
+        'enough pixels.',
+        0.0,
+        1.0,
     )
 
     min_disparity: int = _parameter(
