@@ -18,7 +18,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
-from rover_obstacle_detection.detection.methods.hybrid import measure
+from rover_obstacle_detection.detection.methods.measurement import measure
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.result.enlarged import resized

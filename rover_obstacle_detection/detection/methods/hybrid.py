@@ -2,38 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
-from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.geometry.ground_check import (
-    check_baseline,
-    ground_warnings,
-)
-from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
-from rover_obstacle_detection.detection.geometry.plane_fit import (
-    estimate_ground,
-    is_upside_down,
-    known_height_m,
-)
-from rover_obstacle_detection.detection.geometry.resolution import working_camera
-from rover_obstacle_detection.detection.images.image_noise import (
-    image_noise,
-    remaining_noise,
-    smoothed_against_noise,
-)
-from rover_obstacle_detection.detection.images.texture import texture_level
+from rover_obstacle_detection.detection.methods.measurement import Finished, Mask, measure
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.parameters import DetectorParameters
-from rover_obstacle_detection.detection.rectification.correction import Correction
-from rover_obstacle_detection.detection.rectification.rectify import Rectified
-from rover_obstacle_detection.detection.rectification.reduced_pair import ReducedPair
 from rover_obstacle_detection.detection.regions.segmentation import reduced_regions
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
@@ -42,59 +17,15 @@ from rover_obstacle_detection.detection.result.left_image import in_left_image
 from rover_obstacle_detection.detection.result.specks import combined_cues
 from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
-from rover_obstacle_detection.detection.stereo.coarse import CoarseMatcher, coarse_camera
-from rover_obstacle_detection.detection.stereo.judged_range import within_range
-from rover_obstacle_detection.detection.stereo.matching import (
-    Stereo,
-    image_penalties,
-    match_against_ground,
-)
-from rover_obstacle_detection.detection.stereo.pair_check import check_pair
-from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
-from rover_obstacle_detection.detection.stereo.support import measure_support
-from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
+from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border, walls_in_border
-from rover_obstacle_detection.detection.terrain.brims import Brims
 from rover_obstacle_detection.detection.terrain.hazards import (
     level_heights_known,
     rough_ground,
     tall,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
-from rover_obstacle_detection.errors import UnjudgeablePairError
-
-Finished = Callable[[str], None]
-Mask = NDArray[np.bool_]
-
-
-class Measurement(NamedTuple):
-    """What a stereo pair shows of the terrain.
-
-    Parameters
-    ----------
-    frame : Frame
-        The given frame at the working resolution, smoothed if its images are noisy.
-    correction : Correction
-        Of the rectification, in pixels of that frame.
-    stereo : Stereo
-        In the straightened left image.
-    terrain : Terrain
-        Likewise.
-    brims : Brims
-        Likewise.
-    plain : ndarray of bool, shape (height, width)
-        Areas without texture: see `Support`.
-    warnings : tuple of str
-    """
-
-    frame: Frame
-    correction: Correction
-    stereo: Stereo
-    terrain: Terrain
-    brims: Brims
-    plain: Mask
-    warnings: tuple[str, ...] = ()
 
 
 def detect_hybrid(
@@ -118,8 +49,7 @@ def detect_hybrid(
     UnjudgeablePairError
         If the pair says nothing about the ground, or contradicts itself.
     """
-    p = parameters
-    full = frame
+    p, full = parameters, frame
     frame, correction, stereo, terrain, brims, plain, warnings = measure(full, p, finished, stages)
     steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped = stages.drop(terrain, stereo.ground, p.terrain)
@@ -154,200 +84,6 @@ def detect_hybrid(
     detection = enlarged(in_left_image(detection, frame), full)
     finished('mask')
     return detection
-
-
-def measure(
-    frame: Frame,
-    parameters: DetectorParameters,
-    finished: Finished = lambda stage: None,
-    stages: HybridStages = HYBRID_STAGES,
-) -> Measurement:
-    """Run the first half of the hybrid method: from the images to heights above the ground.
-
-    Parameters
-    ----------
-    frame : Frame
-    parameters : DetectorParameters
-    finished : callable
-        Called with the name of each stage when it ends.
-    stages : HybridStages
-
-    Raises
-    ------
-    UnjudgeablePairError
-        If the pair says nothing about the ground, or contradicts itself.
-    """
-    p, full = parameters, frame.camera
-    check_baseline(full, p.ground_check)
-    reduced = frame.resized(coarse_camera(full, p.stereo))
-    coarse = match_coarsely(reduced, full, p, stages)
-    reduced = coarse.correction.straightened(reduced)
-    coarse = without_rover(coarse, reduced.rover_mask)
-    finished('coarse disparity')
-    ground, doubts = find_ground(reduced, coarse, p)
-    finished('ground plane')
-    frame = frame.resized(working_camera(full, ground, p.resolution))
-    correction = coarse.correction.reduced(full.width / frame.camera.width)
-    finished('resize')
-    noise_share = stages.noise_share(frame.pair[0], p.images)
-    remaining = remaining_noise(noise_share, p.images)
-    left_noise, right_noise = (remaining * image_noise(each, p.images) for each in frame.pair)
-    frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
-    straight = correction.straightened(frame)
-    finished('noise')
-    stereo = match(straight, coarse, correction, ground, noise_share, p, stages, finished)
-    stereo, plain, warnings = supported(stereo, (left_noise, right_noise), p)
-    stereo = within_range(stereo, p.stereo.min_range_m, p.terrain.max_range_m)
-    if not ground.measured and frame.gravity is None:
-        # Images that do not belong together may seem to show ground anywhere.
-        check_upright(coarse, p)
-    finished('support')
-    stereo = stages.reflections(stereo, p.terrain)
-    brims = stages.brims(stereo, p.terrain)
-    finished('brims')
-    terrain = stages.survey(stereo, p.terrain)
-    finished('local ground')
-    if frame.gravity is None and ground.measured:
-        beyond = brims.beyond()
-        before = [layer.without(beyond) for layer in terrain.layers]
-        up = stages.vertical(before, ground, p.terrain)
-        stereo = replace(stereo, ground=replace(ground, up=up))
-    finished('vertical')
-    return Measurement(frame, correction, stereo, terrain, brims, plain, doubts + warnings)
-
-
-def match_coarsely(
-    reduced: Frame, full: StereoCamera, parameters: DetectorParameters, stages: HybridStages
-) -> Rectified:
-    """Match at a fraction of the resolution, and measure the rectification on the way."""
-    matcher = CoarseMatcher(full, reduced.camera, parameters.stereo)
-    pair = ReducedPair(reduced.pair, reduced.camera, full.width / reduced.camera.width)
-    return stages.rectify(pair, matcher, parameters.rectification)
-
-
-def find_ground(
-    reduced: Frame, coarse: Rectified, parameters: DetectorParameters
-) -> tuple[GroundPlane, tuple[str, ...]]:
-    """Find the ground plane in the matches and, where they leave doubt, in the images.
-
-    Parameters
-    ----------
-    reduced : Frame
-        The straightened images that were matched.
-    coarse : Rectified
-    parameters : DetectorParameters
-
-    Returns
-    -------
-    ground : GroundPlane
-    warnings : tuple of str
-    """
-    p, gravity = parameters, reduced.gravity
-    ground = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, gravity)
-    if is_doubtful(ground, p.plane_fit, p.stereo.sweep):
-        ground = likelier_ground(reduced, ground, p.plane_fit, p.stereo.sweep)
-    unaided = None
-    if not ground.measured and gravity:
-        unaided = estimate_ground(coarse.disparity, coarse.camera, p.plane_fit, None)
-    known_m = known_height_m(gravity, p.plane_fit)
-    return ground, ground_warnings(ground, unaided, gravity, known_m, p.ground_check)
-
-
-def check_upright(coarse: Rectified, parameters: DetectorParameters) -> None:
-    """Reject a view whose ground is at its top.
-
-    Raises
-    ------
-    UnjudgeablePairError
-    """
-    if is_upside_down(coarse.disparity, coarse.camera, parameters.plane_fit):
-        msg = (
-            'the ground is at the top of the images: is the camera mounted upside down? Turn both '
-            'images by 180 degrees and exchange them'
-        )
-        raise UnjudgeablePairError(msg)
-
-
-def without_rover(coarse: Rectified, rover_mask: Mask | None) -> Rectified:
-    """Remove the matches on the rover itself."""
-    if rover_mask is None:
-        return coarse
-    return replace(coarse, disparity=np.where(rover_mask, np.float32(0), coarse.disparity))
-
-
-def match(
-    frame: Frame,
-    coarse: Rectified,
-    correction: Correction,
-    ground: GroundPlane,
-    noise_share: float,
-    parameters: DetectorParameters,
-    stages: HybridStages,
-    finished: Finished,
-) -> Stereo:
-    """Match the straightened images relative to the ground, to a fraction of a pixel."""
-    p, rows, left = parameters, correction.rows, frame.pair[0]
-    plane = DisparityPlane.from_ground(ground, coarse.camera)
-    reduction = frame.camera.width / coarse.camera.width
-    search = residual_range(coarse.disparity, coarse.camera, reduction, plane, p.stereo)
-    penalties = image_penalties(left, noise_share, p.stereo, p.images)
-    expected, disparity = match_against_ground(
-        frame, ground, search, penalties, correction, p.stereo
-    )
-    finished('disparity')
-    refined = stages.refine(frame.pair, disparity, frame.camera, rows, p.stereo)
-    finished('subpixel')
-    return Stereo(
-        frame,
-        ground,
-        expected,
-        refined.disparity,
-        refined.noise_px,
-        refined.grey_noise,
-        texture_level(left, p.images),
-        rows,
-    )
-
-
-def supported(
-    stereo: Stereo, noise: tuple[float, float], parameters: DetectorParameters
-) -> tuple[Stereo, Mask, tuple[str, ...]]:
-    """Remove the matches that the images do not support; warn of images that hardly agree.
-
-    Parameters
-    ----------
-    stereo : Stereo
-    noise : tuple of float
-        Standard deviation of the noise of each image, grey levels.
-    parameters : DetectorParameters
-
-    Raises
-    ------
-    UnjudgeablePairError
-        If the images do not belong together, or show nothing.
-    """
-    frame, p = stereo.frame, parameters.stereo.support
-    columns = np.arange(frame.camera.width, dtype=np.float32)[np.newaxis]
-    visible = (stereo.expected > 0) & (stereo.expected <= columns - frame.camera.disparity_offset)
-    if frame.rover_mask is not None:
-        visible &= ~frame.rover_mask
-    # Fine texture looks like noise, noise of the difference includes false matches.
-    most = stereo.grey_noise / 2**0.5
-    left_noise, right_noise = (min(each, most) for each in noise)
-    support = measure_support(
-        frame.pair,
-        stereo.disparity,
-        stereo.expected,
-        frame.camera,
-        stereo.rows,
-        visible,
-        (left_noise, right_noise),
-        p,
-    )
-    matched_share = np.count_nonzero(support.supported & visible) / max(1, visible.sum())
-    warnings = check_pair(frame.pair, support, matched_share, p)
-    disparity = np.where(support.supported, stereo.disparity, np.float32(0))
-    return replace(stereo, disparity=disparity), support.plain, warnings
 
 
 def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProducts:
