@@ -35,7 +35,11 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
     """
 
     def steep(layer: Layer) -> Mask:
-        return steep_cells(ground_rise(layer, parameters), ground, parameters)
+        cells = steep_cells(ground_rise(layer, parameters), ground, parameters)
+        # A face is a cell or two wide, and smoothing takes its edges.
+        size = max(1, round(2 * parameters.slope_margin_m / layer.positions.cell_m)) | 1
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+        return np.asarray(cv2.dilate(cells.astype(np.uint8), kernel) > 0)
 
     return _pixels_of_cells(terrain, steep) & _quiet(terrain, parameters)
 

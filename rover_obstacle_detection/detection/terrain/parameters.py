@@ -235,6 +235,9 @@ class TerrainParameters:
         Slope that smoothing removes where a slope begins and ends.
     steep_share : float
         Least share of a slope's cells that are too steep.
+    slope_margin_m : float
+        Ground beside a slope that belongs to it. Tuned between the outlines of slopes and the
+        share of their pixels called free, also on the tuning scenes of the suite `hazards`.
     min_scale_cells : float
         Least standard deviation of the windows of drop and roughness, cells.
     drop_scale_m : float
@@ -305,6 +308,7 @@ class TerrainParameters:
     max_rise_noise_deg: float = 20.0
     lost_slope_deg: float = 2.5
     steep_share: float = 0.4
+    slope_margin_m: float = 0.06
     min_scale_cells: float = 0.6
     drop_scale_m: float = 0.10
     common_noise_share: float = 0.5
