@@ -42,7 +42,7 @@ def detection(disparity=None, mask=None, known=None):
     heights = np.where(mask > 0, rows / 100, rows / 1000)
     return small_detection(
         CAMERA,
-        parameters=DetectorParameters.from_config(DetectorConfig(min_range=0.5)),
+        parameters=DetectorParameters.from_config(DetectorConfig(min_range=0.5, ground_cell=0.0)),
         ground=GroundPlane(normal=(0, -1, 0), height_m=1.0, up=(0, -1, 0)),
         grey=np.full(SHAPE, 90, np.uint8),
         disparity=disparity,

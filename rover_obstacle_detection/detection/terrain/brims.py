@@ -84,13 +84,16 @@ class Brims:
     def edge(self, parameters: BrimParameters) -> Mask:
         """Mark the last of the ground before each sure brim, shape (height, width)."""
         sure, blur = self.sure, parameters.blur_px
+        height, width = self.surface.height_m.shape
+        if not sure.any():
+            return np.zeros((height, width), np.bool_)
         # One more at the first row of each edge and one less after its last: sums count edges.
-        change = np.zeros((len(self.surface.height_m) + 1, self.surface.height_m.shape[1]), int)
+        change = np.zeros((height + 1, width), np.int16)
         rows, columns = self.rows[sure], self.columns[sure]
         np.add.at(change, (np.maximum(rows - blur, 0), columns), 1)
         after = np.minimum(rows + self.edge_rows[sure] + 1, len(change) - 1)
         np.add.at(change, (after, columns), -1)
-        return np.asarray(np.cumsum(change[:-1], axis=0) > 0)
+        return np.asarray(np.cumsum(change[:-1], axis=0, dtype=np.int16) > 0)
 
     def beyond(self) -> Mask:
         """Mark the pixels behind a brim that lie lower than the rover can step.

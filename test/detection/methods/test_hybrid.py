@@ -188,14 +188,14 @@ def test_bank_rising_from_level_ground_is_an_obstacle():
     assert 0.2 < bank.mean() < 0.4
     assert flagged(found, bank) > 0.6
     # Smoothing extends the slope a little in front of the bank.
-    assert flagged(found, ~bank) < 0.07
+    assert flagged(found, ~bank) < 0.08
 
 
 @pytest.mark.parametrize('rig', [mast, wide_baseline])
 def test_hole_is_found(rig):
     found, view = detect(rig(pits=(Pit(0.0, 1.1, 0.8, 0.8, 0.4),)))
     assert flagged(found, view.obstacle) > 0.7
-    assert flagged(found, ~view.obstacle) < 0.1
+    assert flagged(found, ~view.obstacle) < 0.12
 
 
 def test_textured_shadow_is_free():
