@@ -7,7 +7,18 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
-from evaluation_results import CONFIG, DRAWN, DRAWN_METHODS, OWN, REPORT, SAMPLE, TUNE, Results
+from evaluation_results import (
+    CONFIG,
+    DRAWN,
+    DRAWN_METHODS,
+    HAZARD_REPORT,
+    HAZARD_TUNE,
+    OWN,
+    REPORT,
+    SAMPLE,
+    TUNE,
+    Results,
+)
 from studies.disparity_study import pair_table, scenes_table
 from studies.fault_tables import ablation_table, causes_table, losses_table
 from studies.gravity_study import gravity_scene_table, gravity_table
@@ -38,7 +49,13 @@ from rover_obstacle_detection.offline.evaluation_report import summary_lines
 
 PICTURES = 'images'
 PICTURE_NAME = 'evaluation_worst_{:02}.jpg'
-SUITE_NAMES = {REPORT: 'reporting', TUNE: 'tuning', DRAWN: 'drawn'}
+SUITE_NAMES = {
+    REPORT: 'reporting',
+    TUNE: 'tuning',
+    DRAWN: 'drawn',
+    HAZARD_REPORT: 'hazards, reporting',
+    HAZARD_TUNE: 'hazards, tuning',
+}
 
 
 class Scene(Protocol):

@@ -37,6 +37,7 @@ SAMPLE_BAG = Path(__file__).resolve().parent.parent / 'bags' / 'mars_yard'
 OWN = 'hybrid'
 WORST_PICTURES = 10
 REPORT, TUNE, DRAWN, SAMPLE = 'report', 'tune', 'drawn', 'sample'
+HAZARD_REPORT, HAZARD_TUNE = 'hazard_report', 'hazard_tune'
 TIMED = (REPORT, SAMPLE)
 # The clearance curve and the drawn scenes skip the methods that take seconds a frame.
 CURVED = tuple(method for method in USE_CLEARANCE if method != 'wang')
@@ -59,6 +60,8 @@ class Results:
         Processes for everything that is not timed.
     drawn : sequence of Path
         Labelled bags of the randomly drawn scenes.
+    hazard_reporting, hazard_tuning : sequence of Path
+        Labelled bags of the suite ``hazards``.
     """
 
     def __init__(
@@ -68,8 +71,17 @@ class Results:
         methods: Sequence[str],
         workers: int,
         drawn: Sequence[Path] = (),
+        hazard_reporting: Sequence[Path] = (),
+        hazard_tuning: Sequence[Path] = (),
     ) -> None:
-        self._bags = {REPORT: reporting, TUNE: tuning, DRAWN: drawn, SAMPLE: [SAMPLE_BAG]}
+        self._bags = {
+            REPORT: reporting,
+            TUNE: tuning,
+            DRAWN: drawn,
+            HAZARD_REPORT: hazard_reporting,
+            HAZARD_TUNE: hazard_tuning,
+            SAMPLE: [SAMPLE_BAG],
+        }
         self.methods = methods
         # OpenCV's threads do not survive a fork; with one thread each, workers do not compete.
         self._pool = ProcessPoolExecutor(

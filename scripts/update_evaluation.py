@@ -6,8 +6,8 @@
 
 Both pages are updated: evaluation.md and its appendix evaluation_tables.md. Text outside the
 generated blocks stays. Missing scenes are rendered (extra sim). Scenes named ``report_*`` and
-``tune_*`` form the reporting and the tuning suite; the suite ``drawn`` is rendered separately and
-skipped with --bags. The sample bag in bags/ has a table of its own. The Middlebury pair needs the
+``tune_*`` form the reporting and the tuning suite; the suites ``drawn`` and ``hazards`` are
+rendered separately and skipped with --bags. The sample bag in bags/ has a table of its own. The Middlebury pair needs the
 extra data; methods whose library is missing are skipped.
 
 Timed results are computed in this process, one at a time. Everything else runs in --workers
@@ -30,6 +30,8 @@ from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTION
 from rover_obstacle_detection.evaluation.methods.registry import make_method
 
 DOCS = Path(__file__).resolve().parent.parent / 'docs'
+# Suite and scenes, in the order of the arguments of `Results`.
+OTHER_SUITES = (('drawn', '*'), ('hazards', 'hazard_report_*'), ('hazards', 'hazard_tune_*'))
 
 
 def main() -> None:
@@ -50,7 +52,7 @@ def main() -> None:
         scenes(arguments, 'tune_*'),
         chosen_methods(arguments.methods),
         arguments.workers,
-        drawn(arguments),
+        *(other_suite(arguments, *each) for each in OTHER_SUITES),
     ) as results:
         for page, name, make in blocks:
             try:
@@ -118,9 +120,9 @@ def scenes(arguments: argparse.Namespace, kind: str) -> list[Path]:
     ]
 
 
-def drawn(arguments: argparse.Namespace) -> list[Path]:
-    """Bags of the drawn scenes; none with --bags."""
-    return [] if arguments.bags else rendered('drawn', (arguments.scenes,))
+def other_suite(arguments: argparse.Namespace, suite: str, kind: str) -> list[Path]:
+    """Bags of a suite that is rendered separately; none with --bags."""
+    return [] if arguments.bags else rendered(suite, (kind, arguments.scenes))
 
 
 def rendered(suite: str, patterns: tuple[str, ...]) -> list[Path]:
