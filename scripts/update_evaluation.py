@@ -7,8 +7,8 @@
 Both pages are updated: evaluation.md and its appendix evaluation_tables.md. Text outside the
 generated blocks stays. Missing scenes are rendered (extra sim). Scenes named ``report_*`` and
 ``tune_*`` form the reporting and the tuning suite; the suites ``drawn`` and ``hazards`` are
-rendered separately and skipped with --bags. The sample bag in bags/ has a table of its own. The Middlebury pair needs the
-extra data; methods whose library is missing are skipped.
+rendered separately and skipped with --bags. The sample bag in bags/ has a table of its own. The
+Middlebury pair needs the extra data; methods whose library is missing are skipped.
 
 Timed results are computed in this process, one at a time. Everything else runs in --workers
 processes.
