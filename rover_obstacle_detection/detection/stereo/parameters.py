@@ -25,9 +25,10 @@ class SupportParameters:
         Standard deviations of the noise that texture must exceed in one of the windows. Measured:
         good pairs have hardly a pixel below it.
     clear_signal : float
-        The same, for texture that must match.
+        The same, for texture that counts in the shares of an image.
     min_correlation : float
-        Clear texture that correlates less is a false match.
+        Texture that correlates less is a false match. Derived: texture as strong as the noise
+        correlates by 0.5 where it matches, with a deviation of 0.1 in the window.
     agreeing_correlation : float
         Correlation from which texture counts as alike.
     min_repetition_px : float

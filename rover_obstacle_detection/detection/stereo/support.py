@@ -91,7 +91,7 @@ def measure_support(
     shows = near_variance > least
     # Above the horizon there is no ground that could continue into what shows nothing.
     has_signal = shows | ((wide_variance > least) & (expected > 0))
-    contradicted = (near_variance > _clear(max(noise), p)) & (correlation < p.min_correlation)
+    contradicted = shows & (correlation < p.min_correlation)
     contradicted |= _matches_ground(pair, correlation, disparity, expected, camera, rows, p)
     left_textured, right_textured = (
         _variance(image, p.window_px) > _clear(each, p)
