@@ -14,8 +14,9 @@ One command renders, trains, exports and checks the network:
 4. It prints the IoU of rocks on scenes that it was not trained on: a tenth of both suites, and the
    ``tune_*`` scenes of the standard suite. It never reads the ``report_*`` scenes.
 
-A run from random weights does not reproduce the shipped file bit by bit. Compare both with
-``scripts/update_evaluation.py``.
+The shipped file is a larger network with the same inputs: two U-shaped branches that begin at
+half of the resolution, at four times the cost. Compare both with ``scripts/update_evaluation.py``
+before you replace it: a new network needs most of the scenes to become as good.
 
 On a machine with other load, set ``OMP_NUM_THREADS=1``: threads that wait for each other slow the
 training several times.

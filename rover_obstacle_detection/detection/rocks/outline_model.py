@@ -41,9 +41,9 @@ class OutlineModel:
 
     Notes
     -----
-    U-shaped (Ronneberger et al. 2015), trained on rendered scenes by
-    ``scripts/train_outlines.py``. Its inputs, `FEATURES`, have no units. It returns the logits of
-    a square of pixels together, so that none of its layers has the resolution of the image.
+    U-shaped (Ronneberger et al. 2015) and trained on rendered scenes. Its inputs, `FEATURES`, have
+    no units. It returns the logits of a square of pixels together, so that none of its layers has
+    the resolution of the image. ``scripts/train_outlines.py`` trains one.
     """
 
     def __init__(self, data: bytes | None = None) -> None:
