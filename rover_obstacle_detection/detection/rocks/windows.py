@@ -10,7 +10,7 @@ Window = tuple[slice, slice]
 """Rows and columns of a part of the image."""
 
 BLOCK_PX = 16
-"""The network looks at a sixteenth of the resolution."""
+"""Sides of windows are multiples of it: a network may go down to a sixteenth of the resolution."""
 
 MARGIN_BLOCKS = 2
 """Blocks around a pixel that matter to the network's output there."""
