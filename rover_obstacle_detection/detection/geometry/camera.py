@@ -12,6 +12,16 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.errors import CameraError
 
+# What no rover's stereo camera exceeds; beyond it, a number is wrong or in another unit.
+MAX_SIDE_PX = 16384
+MIN_VIEW_DEG, MAX_VIEW_DEG = 0.5, 170.0
+MAX_OFF_AXIS_DEG = 80.0
+MIN_BASELINE_M, MAX_BASELINE_M = 1e-3, 3.0
+# Ratio of the focal lengths, which differ by the pixels' shape and by binning.
+MAX_ASPECT = 8.0
+# Beyond this share of the width, less than half of what is far away is in both images.
+MAX_OFFSET_SHARE = 0.5
+
 
 class RegionOfInterest(Protocol):
     """The fields of ``sensor_msgs/RegionOfInterest`` that are used."""
@@ -44,7 +54,10 @@ class StereoCamera:
     Raises
     ------
     CameraError
-        If a number is not finite, or a size, focal length or the baseline is not positive.
+        If a number is not finite, a size, focal length or the baseline is not positive, or the
+        numbers describe no camera: a field of view of less than 0.5 or more than 170 degrees, an
+        image centre more than 80 degrees off the optical axis, a baseline of less than 1 mm or
+        more than 3 m, principal points further apart than half the width.
     """
 
     width: int
@@ -70,6 +83,45 @@ class StereoCamera:
             if not math.isfinite(getattr(self, name)):
                 msg = f'{name} is {getattr(self, name)}: expected a finite number'
                 raise CameraError(msg)
+        self._check_view()
+        self._check_stereo()
+
+    def _check_view(self) -> None:
+        for side, focal, centre in (('width', 'fx', 'cx'), ('height', 'fy', 'cy')):
+            size_px, focal_px = getattr(self, side), getattr(self, focal)
+            if size_px > MAX_SIDE_PX:
+                raise CameraError(f'{side} is {size_px}: expected at most {MAX_SIDE_PX} pixels')
+            view_deg = 2 * math.degrees(math.atan(size_px / 2 / focal_px))
+            if not MIN_VIEW_DEG <= view_deg <= MAX_VIEW_DEG:
+                raise CameraError(
+                    f'{focal} is {focal_px:g} pixels and {side} {size_px}, a field of view of '
+                    f'{view_deg:.3g} degrees: expected {MIN_VIEW_DEG:g} to {MAX_VIEW_DEG:g}'
+                )
+            off_px = (size_px - 1) / 2 - getattr(self, centre)
+            off_deg = math.degrees(math.atan(abs(off_px) / focal_px))
+            if off_deg > MAX_OFF_AXIS_DEG:
+                raise CameraError(
+                    f'{centre} is {getattr(self, centre):g} and {side} {size_px}, an image centre '
+                    f'{off_deg:.3g} degrees off the optical axis: expected at most '
+                    f'{MAX_OFF_AXIS_DEG:g}'
+                )
+        if not 1 / MAX_ASPECT <= self.fx / self.fy <= MAX_ASPECT:
+            raise CameraError(
+                f'fx is {self.fx:g} and fy {self.fy:g}: expected a ratio of at most {MAX_ASPECT:g}'
+            )
+
+    def _check_stereo(self) -> None:
+        if not MIN_BASELINE_M <= self.baseline_m <= MAX_BASELINE_M:
+            raise CameraError(
+                f'the baseline is {self.baseline_m:g} m (-P_right[3] / P_right[0]): expected '
+                f'{MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m; is it in another unit?'
+            )
+        if abs(self.disparity_offset) > MAX_OFFSET_SHARE * self.width:
+            raise CameraError(
+                f'cx is {self.cx:g} on the left and {self.cx_right:g} on the right, '
+                f'{abs(self.disparity_offset):.0f} pixels apart: expected at most half the '
+                f'width, {self.width / 2:g}'
+            )
 
     @classmethod
     def from_camera_info(cls, left: object, right: object) -> StereoCamera:
@@ -113,7 +165,7 @@ class StereoCamera:
             fy=p_left[5] / binning[1],
             cx=(p_left[2] - offset_left[0]) / binning[0],
             cy=(p_left[6] - offset_left[1]) / binning[1],
-            baseline_m=-p_right[3] / p_right[0],
+            baseline_m=_baseline_m(p_left, p_right),
             cx_right=(p_right[2] - offset_right[0]) / binning[0],
         )
 
@@ -187,6 +239,13 @@ def _projection(info: object, side: str) -> list[float]:
                 f'{side} camera_info: {name} is {matrix[index]}: expected a positive focal length'
             )
             raise CameraError(msg)
+    for index, expected in ((1, 0.0), (4, 0.0), (8, 0.0), (9, 0.0), (10, 1.0), (11, 0.0)):
+        if abs(matrix[index] - expected) > 1e-6 * max(1.0, matrix[0]):
+            msg = (
+                f'{side} camera_info: P[{index}] is {matrix[index]:g}: expected {expected:g}, as '
+                'in a rectified camera without skew'
+            )
+            raise CameraError(msg)
     return [float(value) for value in matrix]
 
 
@@ -211,17 +270,29 @@ def _window(info: object, side: str) -> tuple[tuple[int, int], tuple[int, int], 
 
 def _check_rectified(p_left: Sequence[float], p_right: Sequence[float]) -> None:
     # With different focal lengths or rows, disparity would not determine depth.
-    for index, name in ((0, 'P[0] (fx)'), (5, 'P[5] (fy)'), (6, 'P[6] (cy)')):
+    for index, name in (
+        (0, 'P[0] (fx)'),
+        (5, 'P[5] (fy)'),
+        (6, 'P[6] (cy)'),
+        (7, 'P[7] (-fy * vertical baseline)'),
+    ):
         if abs(p_left[index] - p_right[index]) > 1e-3 * max(abs(p_left[index]), 1.0):
             msg = (
                 f'{name} is {p_left[index]} on the left and {p_right[index]} on the right: '
                 'expected a rectified pair, which has the same'
             )
             raise CameraError(msg)
-    baseline_m = -p_right[3] / p_right[0]
+    baseline_m = _baseline_m(p_left, p_right)
     if baseline_m <= 0:
         msg = (
             f'right camera_info: P[3] is {p_right[3]}, so the baseline is {baseline_m:.6g} m: '
             'expected P[3] = -fx * baseline, below zero (are left and right swapped?)'
         )
+        if p_left[3]:
+            msg += f'; P[3] of the left one is {p_left[3]}: expected 0'
         raise CameraError(msg)
+
+
+def _baseline_m(p_left: Sequence[float], p_right: Sequence[float]) -> float:
+    # The left P[3] is 0 unless both cameras are described relative to a third place.
+    return (p_left[3] - p_right[3]) / p_right[0]

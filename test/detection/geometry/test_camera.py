@@ -14,8 +14,11 @@ from rover_obstacle_detection.errors import CameraError, ObstacleDetectionError
 
 
 def camera_info(side='left', *, fx=400.0, fy=410.0, cx=319.5, cy=239.5, baseline=0.12, **fields):
+    """Fields such as ``p3`` replace one number of P."""
     shift = -fx * baseline if side == 'right' else 0.0
     p = [fx, 0.0, cx, shift, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    for index in range(12):
+        p[index] = fields.pop(f'p{index}', p[index])
     return SimpleNamespace(**{'width': 640, 'height': 480, 'p': p, **fields})
 
 
@@ -52,14 +55,15 @@ def test_camera_info_gives_focal_lengths_centre_and_baseline():
 
 
 @given(
-    fx=st.floats(50, 5000),
-    fy=st.floats(50, 5000),
-    cx=st.floats(-100, 2000),
-    cx_right=st.floats(-100, 2000),
-    cy=st.floats(-100, 2000),
-    baseline=st.floats(1e-3, 10),
+    fx=st.floats(200, 5000),
+    aspect=st.floats(0.3, 3),
+    cx=st.floats(-100, 1000),
+    offset=st.floats(-300, 300),
+    cy=st.floats(-100, 580),
+    baseline=st.floats(0.002, 2.9),
 )
-def test_camera_info_round_trip(fx, fy, cx, cx_right, cy, baseline):
+def test_camera_info_round_trip(fx, aspect, cx, offset, cy, baseline):
+    fy, cx_right = fx * aspect, cx + offset
     both = {'fx': fx, 'fy': fy, 'cy': cy, 'baseline': baseline}
     found = StereoCamera.from_camera_info(*pair({'cx': cx}, {'cx': cx_right}, **both))
     assert (found.fx, found.fy, found.cx, found.cy) == (fx, fy, cx, cy)
@@ -141,6 +145,10 @@ def test_difference_of_principal_points_is_the_disparity_of_infinity():
         (pair(right={'fx': 404.0}), ['P[0] (fx)', '400.0', '404.0', 'rectified']),
         (pair(right={'fy': 414.0}), ['P[5] (fy)', '410.0', '414.0', 'rectified']),
         (pair(right={'cy': 241.0}), ['P[6] (cy)', '239.5', '241.0', 'rectified']),
+        (pair(right={'p7': -48.0}), ['P[7]', '0.0', '-48.0', 'rectified']),
+        (pair(right={'p1': 3.0}), ['right camera_info', 'P[1] is 3: expected 0', 'skew']),
+        (pair(left={'p10': 0.0}), ['left camera_info', 'P[10] is 0: expected 1']),
+        (pair(left={'p3': -48.0}), ['P[3] is -48.0, so the baseline is 0 m', 'left one is -48']),
         (
             pair({'roi': roi(0, 60, 320, 200)}, {'roi': roi(0, 58, 320, 200)}),
             ['roi.y_offset', '60', '58', 'rows'],
@@ -168,6 +176,40 @@ def test_numbers_that_are_not_finite_are_rejected(field, value):
         camera(**{field: value})
 
 
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        ({'fx': 1e30}, r'fx is 1e\+30 pixels and width 640, a field of view of \S+ degrees'),
+        ({'fx': 1e-30, 'fy': 1e-30}, r'fx is 1e-30 .* view of 180 degrees: expected 0\.5 to 170'),
+        ({'fy': 10.0}, 'fy is 10 pixels and height 480, a field of view of 175 degrees'),
+        ({'width': 20000}, 'width is 20000: expected at most 16384 pixels'),
+        ({'cx': 5000.0}, r'cx is 5000 and width 640, .* 85\.\d degrees off the optical axis'),
+        ({'cy': -4000.0}, 'cy is -4000 and height 480'),
+        ({'fy': 4000.0}, 'fx is 400 and fy 4000: expected a ratio of at most 8'),
+        ({'baseline_m': 12.0}, r'baseline is 12 m .*expected 0\.001 to 3 m; .*another unit'),
+        ({'baseline_m': 1e-4}, r'baseline is 0\.0001 m'),
+        ({'cx_right': 800.0}, r'cx is 319\.5 on the left and 800 on the right, 480 pixels apart'),
+        ({'cx_right': -10.0}, 'pixels apart: expected at most half the width, 320'),
+    ],
+)
+def test_numbers_of_no_real_camera_are_rejected(changes, said):
+    with pytest.raises(CameraError, match=said):
+        camera(**changes)
+
+
+def test_wide_telephoto_and_converging_cameras_are_accepted():
+    assert camera(fx=60.0, fy=60.0)  # 159 degrees wide
+    assert camera(fx=20000.0, fy=20000.0)  # 1.8 degrees
+    assert camera(cx_right=400.0).disparity_offset == -80.5
+
+
+def test_baseline_counts_between_the_cameras_wherever_their_origin_is():
+    left, right = pair({'p3': -20.0}, {'p3': -68.0})
+    assert StereoCamera.from_camera_info(left, right).baseline_m == pytest.approx(0.12)
+    left, right = pair({'p3': 24.0}, {'p3': -24.0})
+    assert StereoCamera.from_camera_info(left, right).baseline_m == pytest.approx(0.12)
+
+
 def test_message_for_a_negative_baseline_suggests_swapped_images():
     with pytest.raises(CameraError, match=r'P_right\[3\].*swapped'):
         camera(baseline_m=-0.1)
@@ -193,8 +235,8 @@ def project(each, x, y, z):
     x=st.floats(-1, 1),
     y=st.floats(-1, 1),
     z=st.floats(0.3, 20),
-    width=st.integers(16, 2000),
-    height=st.integers(16, 2000),
+    width=st.integers(200, 2000),
+    height=st.integers(200, 1200),
 )
 def test_resized_camera_projects_points_to_the_same_place(x, y, z, width, height):
     each = camera(cx_right=311.5)
