@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -20,7 +21,7 @@ from rover_obstacle_detection.messages.header import (
     make_header,
     stamp_ns,
 )
-from rover_obstacle_detection.messages.image import decode_any_image
+from rover_obstacle_detection.messages.image import OVERSIZE, decode_any_image
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
 
@@ -219,9 +220,10 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             return
         topic = self._topics.left_image
         try:
-            left = decode_any_image(pair.left, topic)
+            most_pixels = OVERSIZE * math.prod(self._watch.camera.shape)
+            left = decode_any_image(pair.left, topic, most_pixels)
             topic = self._topics.right_image
-            right = decode_any_image(pair.right, topic)
+            right = decode_any_image(pair.right, topic, most_pixels)
             self._check_sizes(left, right)
             left, right = self._watch.rectify(left, right)
         except ImageError as error:

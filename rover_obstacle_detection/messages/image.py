@@ -17,6 +17,12 @@ from rover_obstacle_detection.messages.encodings import (
     Encoding,
 )
 from rover_obstacle_detection.messages.factory import MessageFactory
+from rover_obstacle_detection.messages.image_header import declared_size
+
+MAX_PIXELS = 1 << 26
+"""Largest compressed image that is decoded, unless the camera's size is known."""
+OVERSIZE = 4
+"""Images up to this many times the camera's size are decoded, and then refused by their size."""
 
 # Decoders accept a truncated file and fill the rest with grey; a missing end marker reveals it.
 _END_MARKERS = {
@@ -25,13 +31,18 @@ _END_MARKERS = {
 }
 # Some cameras pad the file to a round size, so the end marker need not be the last bytes.
 _MAX_PADDING_BYTES = 4096
+# Rows and pixels from which the byte order of a 16-bit image is judged.
+_ORDER_ROWS, _ORDER_PIXELS = 64, 1000
+# Neighbouring pixels of a picture differ by less than this share of the image's spread; in the
+# wrong byte order they differ like noise, by about 1.1.
+_NOISE_LIKE, _PICTURE_LIKE = 0.8, 0.4
 
 
-def decode_any_image(message: Any, name: str) -> NDArray[Any]:
-    """Decode an Image or a CompressedImage; see `decode_image`."""
+def decode_any_image(message: Any, name: str, most_pixels: int = MAX_PIXELS) -> NDArray[Any]:
+    """Decode an Image or a CompressedImage; see `decode_image`, `decode_compressed_image`."""
     if hasattr(message, 'encoding'):
         return decode_image(message, name)
-    return decode_compressed_image(message, name)
+    return decode_compressed_image(message, name, most_pixels)
 
 
 def decode_image(message: Any, name: str) -> NDArray[Any]:
@@ -84,14 +95,18 @@ def decode_float_image(message: Any, name: str) -> NDArray[np.float32]:
     return _pixels(message, WRITTEN_ENCODINGS[FLOAT_ENCODING], name)
 
 
-def decode_compressed_image(message: Any, name: str) -> NDArray[Any]:
-    """Decode a ``sensor_msgs/CompressedImage``: JPEG, PNG or another format OpenCV reads.
+def decode_compressed_image(
+    message: Any, name: str, most_pixels: int = MAX_PIXELS
+) -> NDArray[Any]:
+    """Decode a ``sensor_msgs/CompressedImage``: JPEG, PNG, PNM, BMP or TIFF.
 
     Parameters
     ----------
     message : sensor_msgs/CompressedImage
     name : str
         Topic or file, for error messages.
+    most_pixels : int
+        Larger images are refused before memory is allocated for them.
 
     Returns
     -------
@@ -101,10 +116,11 @@ def decode_compressed_image(message: Any, name: str) -> NDArray[Any]:
     Raises
     ------
     ImageError
-        If the data is empty, truncated or not an 8- or 16-bit image.
+        If the data is empty, truncated, too large or not an 8- or 16-bit image.
     """
     data = _bytes(message.data)
     _check_complete(data, name)
+    _check_declared_size(data, message.format, most_pixels, name)
     try:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error:
@@ -180,7 +196,31 @@ def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
     shape = (height, width) if encoding.channels == 1 else (height, width, encoding.channels)
     strides = (step, encoding.pixel_bytes, stored.itemsize)[: len(shape)]
     pixels: NDArray[Any] = np.ndarray(shape, stored, data.data, strides=strides)
-    return pixels.astype(encoding.dtype, copy=False)
+    native = pixels.astype(encoding.dtype, copy=False)
+    if native.dtype == np.uint16 and _looks_byte_swapped(native):
+        order = int(bool(message.is_bigendian))
+        msg = (
+            f'{name}: is_bigendian is {order}, but only in the other byte order do the pixels '
+            f'show a picture: expected {1 - order}'
+        )
+        raise ImageError(msg)
+    return native
+
+
+def _looks_byte_swapped(image: NDArray[np.uint16]) -> bool:
+    """Whether the image is noise as it is, and a picture with its bytes swapped."""
+    sample = image[:: max(1, len(image) // _ORDER_ROWS)]
+    if sample.size < _ORDER_PIXELS or sample.shape[1] < 2:
+        return False
+    # Pixels of the same colour in a Bayer mosaic are two columns apart.
+    return _roughness(sample) > _NOISE_LIKE and _roughness(sample.byteswap()) < _PICTURE_LIKE
+
+
+def _roughness(image: NDArray[np.uint16]) -> float:
+    """Difference of pixels two columns apart, relative to the spread of the image."""
+    grey = image.astype(np.float32)
+    spread = float(grey.std())
+    return float(np.abs(grey[:, 2:] - grey[:, :-2]).mean()) / spread if spread else 0.0
 
 
 def _bytes(data: Any) -> NDArray[np.uint8]:
@@ -196,6 +236,25 @@ def _check_complete(data: NDArray[np.uint8], name: str) -> None:
         if start.startswith(magic) and end not in data[-_MAX_PADDING_BYTES:].tobytes():
             msg = f'{name}: data is a {kind} file of {data.size} bytes cut short'
             raise ImageError(msg)
+
+
+def _check_declared_size(
+    data: NDArray[np.uint8], format_: str, most_pixels: int, name: str
+) -> None:
+    try:
+        width, height = declared_size(data.tobytes())
+    except ValueError as error:
+        msg = (
+            f'{name}: data cannot be decoded as an image (format {format_!r}, {data.size} bytes): '
+            f'{error}'
+        )
+        raise ImageError(msg) from None
+    if width * height > most_pixels:
+        msg = (
+            f'{name}: data is an image of {width} x {height} pixels: expected at most '
+            f'{most_pixels} pixels'
+        )
+        raise ImageError(msg)
 
 
 def _grey_or_bgr(image: NDArray[Any], format_: str) -> NDArray[Any]:

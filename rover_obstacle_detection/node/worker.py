@@ -21,7 +21,7 @@ from rover_obstacle_detection.errors import (
     ObstacleDetectionError,
     UnjudgeablePairError,
 )
-from rover_obstacle_detection.messages.image import decode_any_image
+from rover_obstacle_detection.messages.image import OVERSIZE, decode_any_image
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
@@ -148,8 +148,9 @@ class DetectionWorker:
             self._statistics.withheld(pair.fault)
             return
         left_topic, right_topic = self._sources.topics()
-        left = decode_any_image(pair.left, left_topic)
-        right = decode_any_image(pair.right, right_topic)
+        most_pixels = OVERSIZE * camera.width * camera.height
+        left = decode_any_image(pair.left, left_topic, most_pixels)
+        right = decode_any_image(pair.right, right_topic, most_pixels)
         self._check_sizes(left, right, camera)
         gravity = self._sources.gravity(header)
         detector = self._detector_for(camera)

@@ -122,6 +122,38 @@ def test_invalid_field_is_named(changes, words):
         assert word in str(caught.value)
 
 
+def picture(noise=0.0):
+    """A smooth 12-bit picture with noise."""
+    rng = np.random.default_rng(3)
+    rows, columns = np.mgrid[:60, :80]
+    levels = 2000 + 1500 * np.sin(rows / 9) * np.cos(columns / 7) + rng.normal(0, noise, (60, 80))
+    return np.clip(levels, 0, 4095).astype(np.uint16)
+
+
+@pytest.mark.parametrize('big_endian', [False, True])
+@pytest.mark.parametrize('encoding', ['mono16', '16UC1', 'bayer_rggb16'])
+@pytest.mark.parametrize('noise', [0.0, 20.0, 150.0])
+def test_wrong_byte_order_is_refused(big_endian, encoding, noise):
+    message = image_message(picture(noise), encoding, big_endian=big_endian)
+    assert decode_image(message, '/left').dtype == np.uint16
+    message.is_bigendian = int(not big_endian)
+    said = f'/left: is_bigendian is {int(not big_endian)}, .*: expected {int(big_endian)}'
+    with pytest.raises(ImageError, match=said):
+        decode_image(message, '/left')
+
+
+def test_byte_order_is_not_questioned_in_noise_darkness_and_8_bit_levels():
+    for pixels in (
+        random_pixels(60, 80, dtype=np.uint16),
+        np.full((60, 80), 256, np.uint16),
+        np.random.default_rng(1).integers(0, 4, (60, 80)).astype(np.uint16),
+        picture() >> 4,
+        (picture() >> 4) << 8,
+    ):
+        message = image_message(pixels, 'mono16')
+        np.testing.assert_array_equal(decode_image(message, '/left'), pixels)
+
+
 @pytest.mark.parametrize('extension', ['.png', '.jpg'])
 def test_compressed_image_is_decoded(extension):
     pixels = np.full((20, 30, 3), (10, 120, 240), np.uint8)
