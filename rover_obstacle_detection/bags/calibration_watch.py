@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.messages.rectification import StereoRectification
@@ -20,7 +21,8 @@ _logger = logging.getLogger(__name__)
 class CalibrationWatch:
     """Follows calibration changes and rectifies raw images.
 
-    A change takes effect once both cameras have sent theirs. Images are rectified if their topics
+    A change takes effect once both cameras have sent theirs; after an invalid one there is no camera
+    until the next valid one. Images are rectified if their topics
     have no ``rect`` in the name and the calibration has a distortion or a rotation.
 
     Parameters
@@ -57,7 +59,15 @@ class CalibrationWatch:
 
     @property
     def camera(self) -> StereoCamera:
-        """The current camera."""
+        """The current camera.
+
+        Raises
+        ------
+        CameraError
+            If the latest calibration is not valid.
+        """
+        if self._problem:
+            raise CameraError(self._problem)
         return self._calibration.camera
 
     def rectify(
@@ -72,8 +82,8 @@ class CalibrationWatch:
         Raises
         ------
         CameraError
-            If it does not form a stereo camera with the other side's. The previous calibration
-            stays in use.
+            If it does not form a stereo camera with the other side's. There is no camera until
+            a valid calibration arrives.
         """
         newest = stamp_ns(message.header), CameraInfo.from_message(message)
         if topic == self._topics.left_info:
@@ -82,8 +92,13 @@ class CalibrationWatch:
             self._right = newest
         (left_ns, left), (right_ns, right) = self._left, self._right
         is_new = left != self._calibration.left or right != self._calibration.right
-        if is_new and abs(left_ns - right_ns) <= self._tolerance_ns:
+        if not (is_new or self._problem) or abs(left_ns - right_ns) > self._tolerance_ns:
+            return
+        try:
             self._use(StereoCalibration(left, right, self.source))
+        except CameraError as error:
+            self._problem = str(error)
+            raise
 
     def _use(self, calibration: StereoCalibration) -> None:
         rectification = None
@@ -99,3 +114,4 @@ class CalibrationWatch:
                 )
         self._rectification = rectification
         self._calibration = calibration
+        self._problem = ''

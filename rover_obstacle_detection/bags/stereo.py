@@ -226,7 +226,7 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             right = decode_any_image(pair.right, topic, most_pixels)
             self._check_sizes(left, right)
             left, right = self._watch.rectify(left, right)
-        except ImageError as error:
+        except (CameraError, ImageError) as error:
             yield BadFrame(pair.stamp_ns, topic, str(error))
             return
         self._decoded_pairs += 1

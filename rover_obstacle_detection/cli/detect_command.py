@@ -17,7 +17,7 @@ from rover_obstacle_detection.cli.arguments import (
 _logger = logging.getLogger(__name__)
 
 DESCRIPTION = """\
-Detect obstacles in one rectified pair of image files.
+Detect obstacles in one pair of image files: rectified, or raw with --raw.
 
 Writes to DIR:
   mask.png       0 free, 255 obstacle
@@ -41,8 +41,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = add_command(subparsers, 'detect', summary, DESCRIPTION, EPILOG)
     source = parser.add_argument_group('input')
     for side in ('left', 'right'):
-        source.add_argument(side, metavar=side.upper(), type=Path, help=f'rectified {side} image')
+        source.add_argument(side, metavar=side.upper(), type=Path, help=f'{side} image')
     add_calibration_arguments(source, required=True)
+    source.add_argument(
+        '--raw',
+        action='store_true',
+        help='rectify the images with the calibration (default: they are rectified)',
+    )
     add_detector_arguments(parser)
     add_output_arguments(parser)
     parser.set_defaults(run=run)
@@ -66,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         detector_config(arguments),
         arguments.output,
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
+        raw=arguments.raw,
         force=arguments.force,
     )
     for warning in detection.warnings:

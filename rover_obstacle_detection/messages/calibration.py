@@ -13,6 +13,8 @@ from ruamel.yaml.error import YAMLError
 from rover_obstacle_detection.detection.geometry.camera import RegionOfInterest, StereoCamera
 from rover_obstacle_detection.errors import CameraError
 
+_PINHOLE = 'pinhole'
+
 
 @dataclass(frozen=True)
 class CameraInfo:
@@ -122,6 +124,13 @@ def load_camera_info(path: str | Path) -> CameraInfo:
         content = None
     if not isinstance(content, dict):
         msg = f'{path}: is not a ROS camera calibration file (YAML with image_width, ...)'
+        raise CameraError(msg)
+    model = content.get('camera_model', _PINHOLE)
+    if model != _PINHOLE:
+        msg = (
+            f'{path}: camera_model is {model!r}: expected {_PINHOLE}; ROS names a fisheye lens '
+            'by distortion_model: equidistant'
+        )
         raise CameraError(msg)
     return CameraInfo(
         width=_size(content, 'image_width', path),

@@ -13,6 +13,8 @@ from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCali
 
 _PINHOLE_MODELS = ('plumb_bob', 'rational_polynomial', '')
 _FISHEYE_MODEL = 'equidistant'
+# Rectification crops and enlarges; with less, the calibration is of another camera.
+_MIN_SEEN_SHARE = 0.25
 
 
 def needs_rectification(info: CameraInfo) -> bool:
@@ -34,7 +36,8 @@ class Rectification:
     Raises
     ------
     CameraError
-        If K, D or R is invalid, or the distortion model is unknown.
+        If K, D or R is invalid, the distortion model is unknown, or hardly a pixel of the
+        rectified image lies within the raw one.
 
     Notes
     -----
@@ -48,6 +51,8 @@ class Rectification:
         r = np.reshape(info.r, (3, 3))
         if info.k[0] <= 0 or info.k[4] <= 0 or not np.isfinite(info.k).all():
             self._refuse(f'K is {info.k}: expected focal lengths above 0')
+        if not np.isfinite(info.d).all():
+            self._refuse(f'D is {info.d}: expected finite numbers')
         if not np.allclose(r @ r.T, np.identity(3), atol=1e-3):
             self._refuse(f'R is {info.r}: expected a rotation')
         if info.distortion_model == _FISHEYE_MODEL:
@@ -66,6 +71,19 @@ class Rectification:
             self._columns, self._rows = make_maps(k, distortion, r, p, self._size, cv2.CV_16SC2)
         except cv2.error:
             self._refuse(f'D is {info.d}: expected the coefficients of {info.distortion_model}')
+        if self._seen_share() < _MIN_SEEN_SHARE:
+            self._refuse(
+                f'with K {info.k}, D {info.d}, R {info.r} and P {info.p} only '
+                f'{self._seen_share():.0%} of the rectified image shows anything: expected at '
+                f'least {_MIN_SEEN_SHARE:.0%}'
+            )
+
+    def _seen_share(self) -> float:
+        """Share of the rectified image that lies within the raw one."""
+        width, height = self._size
+        column, row = self._columns[..., 0], self._columns[..., 1]
+        seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        return float(seen.mean())
 
     def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
         """Rectify an image.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,10 @@ from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.image import decode_compressed_image
+from rover_obstacle_detection.messages.rectification import (
+    StereoRectification,
+    needs_rectification,
+)
 from rover_obstacle_detection.offline.output_file import atomic_write_json
 from rover_obstacle_detection.offline.output_folder import output_folder
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures, write_png
@@ -25,6 +30,8 @@ from rover_obstacle_detection.offline.summary import FrameSummary, obstacle_json
 from rover_obstacle_detection.pictures import shown_obstacles
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_images import detect_unswapped
+
+_logger = logging.getLogger(__name__)
 
 OUTPUT_FILES = (
     'mask.png',
@@ -42,6 +49,7 @@ def detect_pair(
     output: Path,
     *,
     rover: RoverMask | None = None,
+    raw: bool = False,
     force: bool = False,
 ) -> Detection:
     """Detect obstacles in two image files and write the results.
@@ -52,13 +60,15 @@ def detect_pair(
     Parameters
     ----------
     left, right : Path
-        Rectified images, grey or colour.
+        Images, grey or colour; rectified, unless `raw` is set.
     calibration : tuple of Path
         Calibration files of the left and the right camera.
     config : DetectorConfig
     output : Path
     rover : RoverMask, optional
         Pixels that show the rover itself.
+    raw : bool
+        Rectify the images with K, D, R and P of the calibration.
     force : bool
         Replace the files of a previous run.
 
@@ -67,8 +77,17 @@ def detect_pair(
     ObstacleDetectionError
         If a file cannot be read, the files do not match or the pair cannot be judged.
     """
-    camera = load_stereo_calibration(*calibration).camera
+    stereo = load_stereo_calibration(*calibration)
+    camera = stereo.camera
     left_image, right_image = read_image(left), read_image(right)
+    if raw:
+        left_image, right_image = StereoRectification(stereo)(left_image, right_image)
+    elif needs_rectification(stereo.left) or needs_rectification(stereo.right):
+        _logger.warning(
+            '%s describe a lens distortion or rotation: the images are taken as rectified; give '
+            '--raw if they are not',
+            stereo.source,
+        )
     detector = Detector(camera, config, rover.pixels(*camera.shape) if rover else None)
     stopwatch = Stopwatch()
     detection = detect_unswapped(

@@ -207,16 +207,21 @@ def later(messages):
     return messages
 
 
-def test_a_bad_calibration_is_reported_and_the_previous_one_kept(tmp_path):
-    messages = stereo_messages(3)
-    for side, topic in (('left', LEFT_INFO), ('right', RIGHT_INFO)):
+@pytest.mark.parametrize('sides', [('left', 'right'), ('right',)])
+def test_pairs_with_a_bad_calibration_are_bad_until_the_next_good_one(tmp_path, sides):
+    messages = stereo_messages(4)
+    for side in sides:
+        topic = LEFT_INFO if side == 'left' else RIGHT_INFO
         zero = info(side, stamp_of(1), focal=0.0)
         messages = replaced(messages, topic, 1, zero, INFO)
     frames, _ = read(write(tmp_path, messages))
     bad = [frame for frame in frames if isinstance(frame, BadFrame)]
-    assert len(bad) == 1
-    assert 'P[0] (fx) is 0.0' in bad[0].reason
-    assert [frame.camera.fx for frame in frames if isinstance(frame, StereoPair)] == [40, 40, 40]
+    # The recording has the images of a moment before their calibration.
+    assert (bad[-1].stamp_ns, bad[-1].topic) == (stamp_of(2), LEFT)
+    assert all('P[0] (fx) is 0.0' in frame.reason for frame in bad)
+    good = [frame for frame in frames if isinstance(frame, StereoPair)]
+    assert [frame.stamp_ns for frame in good] == [stamp_of(number) for number in (0, 1, 3)]
+    assert [frame.camera.fx for frame in good] == [40, 40, 40]
 
 
 def test_raw_images_are_rectified_with_a_warning(tmp_path, caplog):

@@ -9,6 +9,8 @@ from hand_made import CAMERA, stereo_images, write_calibration
 
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.messages.calibration import load_camera_info
+from rover_obstacle_detection.messages.rectification import Rectification
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES
 
 
@@ -87,6 +89,33 @@ def test_method_and_parameters_can_be_set(files):
     parameters = json.loads((files / 'out' / 'summary.json').read_text())['parameters']
     assert parameters['method'] == 'study'
     assert parameters['study_max_step'] == 0.02
+
+
+def _distort(folder):
+    """Bend the lenses of the calibration files, and keep the focal length of the raw images."""
+    for side in ('left', 'right'):
+        path = folder / f'{side}.yaml'
+        path.write_text(
+            re.sub(r'(distortion_coefficients: .*data: )\[.*?\]', DISTORTED, path.read_text())
+        )
+
+
+DISTORTED = r'\1[-0.2, 0.05, 0, 0, 0]'
+
+
+def test_distortion_is_named_and_raw_images_are_rectified(files, capsys):
+    _distort(files)
+    assert _detect(files) == 0
+    assert re.search(r'WARNING: .*left\.yaml and .*distortion.*--raw', capsys.readouterr().err)
+    assert _detect(files, '--raw', '--force') == 0
+    assert 'distortion' not in capsys.readouterr().err
+    rectified = [
+        Rectification(load_camera_info(files / f'{side}.yaml'), side)(image)
+        for side, image in zip(('left', 'right'), stereo_images(), strict=True)
+    ]
+    assert not np.array_equal(rectified[0], stereo_images()[0])
+    mask = cv2.imread(str(files / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(mask, Detector(CAMERA).detect(*rectified).mask)
 
 
 def test_existing_output_needs_force(files, capsys):

@@ -62,6 +62,7 @@ def test_two_files_give_a_stereo_camera(files):
         ('[0.1, 0.0', '[0.1, much', 'distortion_coefficients contains a value that is not'),
         ('[400, 0, 310', '[0, 0, 310', 'P[0] (fx) is 0.0'),
         ('[400, 0, 310', '[.nan, 0, 310', 'not finite'),
+        ('camera_name: left', 'camera_model: fisheye', "camera_model is 'fisheye': expected pin"),
         (LEFT, 'just a line', 'is not a ROS camera calibration file'),
         (LEFT, '%YAML:1.0\nM: !!opencv-matrix\n', 'is not a ROS camera calibration file'),
         (LEFT, '', 'is not a ROS camera calibration file'),

@@ -112,6 +112,8 @@ def test_only_unrectified_images_of_a_pair_change():
         ({'r': (0.0,) * 9}, 'R is (0.0'),
         ({'distortion_model': 'scaramuzza'}, "distortion_model is 'scaramuzza'"),
         ({'d': (0.1, 0.2, 0.3)}, 'D is (0.1, 0.2, 0.3)'),
+        ({'d': (float('nan'), 0, 0, 0, 0)}, 'D is (nan, 0, 0, 0, 0): expected finite numbers'),
+        ({'k': (150.0, 0, 9000, 0, 150, 60, 0, 0, 1)}, 'with K (150.0, 0, 9000'),
     ],
 )
 def test_invalid_calibration_is_refused(changes, words):
