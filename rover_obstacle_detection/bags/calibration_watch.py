@@ -21,9 +21,9 @@ _logger = logging.getLogger(__name__)
 class CalibrationWatch:
     """Follows calibration changes and rectifies raw images.
 
-    A change takes effect once both cameras have sent theirs; after an invalid one there is no camera
-    until the next valid one. Images are rectified if their topics
-    have no ``rect`` in the name and the calibration has a distortion or a rotation.
+    A change takes effect once both cameras have sent theirs; after an invalid one there is no
+    camera until the next valid one. Images are rectified if their topics have no ``rect`` in the
+    name and the calibration has a distortion or a rotation.
 
     Parameters
     ----------
