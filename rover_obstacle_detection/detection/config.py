@@ -26,6 +26,8 @@ class ParameterDescription:
     maximum: float | None = None
     step: int | None = None
     choices: tuple[str, ...] = ()
+    smallest: float = 0.0
+    """Smallest value other than 0, where 0 means that the parameter is not set."""
 
     def check(self, value: object) -> None:
         """Reject a value of the wrong type or out of range.
@@ -52,6 +54,9 @@ class ParameterDescription:
         if not low <= value <= high:
             msg = f'{self.name} is {value}: expected {low:g} to {high:g}'
             raise ConfigurationError(msg)
+        if 0 < value < self.smallest:
+            msg = f'{self.name} is {value}: expected 0, or {self.smallest:g} to {high:g}'
+            raise ConfigurationError(msg)
         if self.step is not None and (value - low) % self.step:
             msg = f'{self.name} is {value}: expected {low:g} plus a multiple of {self.step}'
             raise ConfigurationError(msg)
@@ -73,6 +78,7 @@ def _parameter(
     *,
     step: int | None = None,
     choices: tuple[str, ...] = (),
+    smallest: float = 0.0,
 ) -> Any:
     metadata = {
         'description': description,
@@ -80,6 +86,7 @@ def _parameter(
         'maximum': maximum,
         'step': step,
         'choices': choices,
+        'smallest': smallest,
     }
     return field(default=default, metadata=metadata)
 
@@ -116,6 +123,7 @@ class DetectorConfig:
         'within a wheel base, without obstacles (m); 0: not judged.',
         0.0,
         1.0,
+        smallest=0.001,
     )
     min_range: float = _parameter(
         0.3, 'Nearest distance along the optical axis that is judged (m).', 0.01, 100.0
@@ -148,6 +156,7 @@ class DetectorConfig:
         '0: unknown. Set it: a contradiction, as with a wrong baseline, gives a warning.',
         0.0,
         20.0,
+        smallest=0.05,
     )
     max_camera_pitch: float = _parameter(
         70.0,
@@ -169,17 +178,18 @@ class DetectorConfig:
         'enough pixels.',
         0.0,
         1.0,
+        smallest=0.05,
     )
 
     min_disparity: int = _parameter(
-        0, 'Smallest disparity searched (px; hybrid: in the coarse match).', -2048, 2048
+        0, 'Smallest disparity searched (px; hybrid: in the coarse match).', -1024, 1024
     )
     disparity_range: int = _parameter(
         0,
         'Disparities searched (px, multiple of 16; hybrid: in the coarse match); 0: from the '
         'camera and min_range (study: 48).',
         0,
-        4096,
+        1024,
         step=16,
     )
     correlation_window_size: int = _parameter(
@@ -195,6 +205,7 @@ class DetectorConfig:
         "image's contrast and noise, study: 600).",
         0.0,
         100000.0,
+        smallest=1.0,
     )
     P2: float = _parameter(
         0.0,
@@ -202,6 +213,7 @@ class DetectorConfig:
         "(hybrid: from the image's contrast and noise, study: 2400).",
         0.0,
         100000.0,
+        smallest=2.0,
     )
     uniqueness_ratio: float = _parameter(
         8.0, 'Margin by which the best match must beat the second best (%).', 0.0, 99.0
@@ -209,7 +221,7 @@ class DetectorConfig:
     speckle_size: int = _parameter(
         50, 'Smaller patches of disparity are removed as speckle (px).', 0, 10000
     )
-    speckle_range: int = _parameter(2, 'Disparity variation within a patch (px).', 0, 31)
+    speckle_range: int = _parameter(2, 'Disparity variation within a patch (px).', 1, 31)
     disp12_max_diff: int = _parameter(
         1, 'Largest difference in the left-right check (px); below 0: no check.', -1, 128
     )
@@ -232,7 +244,7 @@ class DetectorConfig:
     core_noises: float = _parameter(
         0.7,
         'Method hybrid: standard deviations of its height noise that a rock has to rise above.',
-        0.0,
+        0.05,
         10.0,
     )
     outline_probability: float = _parameter(
@@ -253,6 +265,7 @@ class DetectorConfig:
         '0: a point for each pixel.',
         0.0,
         10.0,
+        smallest=0.005,
     )
 
     mean_shift_spatial_radius: float = _parameter(

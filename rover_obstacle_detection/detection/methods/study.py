@@ -78,10 +78,10 @@ def detect_as_study(
         study.morphology_size_px,
         study.morphology_iterations,
     )
-    known = (disparity > 0) | ~products.seeds
     excluded = near if rover_mask is None else near | rover_mask
     mask[excluded] = FREE
-    known &= ~excluded
+    # The study calls bright regions without enough 3D free. Here they are unknown.
+    known = ((disparity > 0) & products.seeds | (mask == OBSTACLE)) & ~excluded
     finished('morphology')
     return Detection(
         camera=camera,

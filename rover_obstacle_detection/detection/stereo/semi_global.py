@@ -14,6 +14,8 @@ from rover_obstacle_detection.detection.stereo.parameters import StereoParameter
 
 SUBPIXELS = 16
 """Steps of OpenCV's fixed-point disparity in a pixel."""
+MAX_DISPARITY = 2047
+"""Largest disparity that fits into OpenCV's 16 bits, pixels."""
 
 _SGBM_MODES = (
     cv2.STEREO_SGBM_MODE_SGBM,
@@ -73,6 +75,7 @@ def semi_global_match(
         columns at either side that are not visible in the right image over the whole range.
     """
     lowest, count = search
+    count = min(count, (MAX_DISPARITY - lowest) // 16 * 16)
     if left.shape[1] + min(lowest, 0) <= max(lowest + count, 0):
         # No column is visible over the whole range. OpenCV would allocate without bound.
         return np.full(left.shape, (lowest - 1) * SUBPIXELS, np.int16)
