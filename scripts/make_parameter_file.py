@@ -48,7 +48,8 @@ def _entry(parameter: ParameterDescription) -> str:
     if parameter.choices:
         text += f' One of {", ".join(parameter.choices)}.'
     if parameter.minimum is not None and parameter.maximum is not None:
-        text += f' {parameter.minimum:g} to {parameter.maximum:g}'
+        low = f'0, or {parameter.smallest:g}' if parameter.smallest else f'{parameter.minimum:g}'
+        text += f' {low} to {parameter.maximum:g}'
         text += f', in steps of {parameter.step}.' if parameter.step else '.'
     comment = textwrap.fill(text, WIDTH, initial_indent='    # ', subsequent_indent='    # ')
     return f'{comment}\n    {parameter.name}: {_value(parameter.default)}\n\n'

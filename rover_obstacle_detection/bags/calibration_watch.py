@@ -51,6 +51,7 @@ class CalibrationWatch:
         self.info_topics = info_topics
         self.source = calibration.source
         """The files or topics that the calibration comes from."""
+        self._problem = ''
         self._topics = topics
         self._tolerance_ns = tolerance_ns
         self._left = (0, calibration.left)

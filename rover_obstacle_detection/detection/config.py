@@ -244,7 +244,7 @@ class DetectorConfig:
     core_noises: float = _parameter(
         0.7,
         'Method hybrid: standard deviations of its height noise that a rock has to rise above.',
-        0.05,
+        0.0,
         10.0,
     )
     outline_probability: float = _parameter(

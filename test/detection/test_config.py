@@ -163,3 +163,10 @@ def test_second_penalty_is_larger_than_the_first():
 def test_unknown_parameter_is_refused():
     with pytest.raises(TypeError, match='max_stepp'):
         DetectorConfig(max_stepp=0.1)
+
+
+@pytest.mark.parametrize('name', ['camera_height', 'ground_cell', 'working_scale', 'P1'])
+def test_a_tiny_value_is_neither_unset_nor_meant(name):
+    assert getattr(DetectorConfig(**{name: 0.0}), name) == 0
+    with pytest.raises(ConfigurationError, match=f'{name} is 1e-09: expected 0, or'):
+        DetectorConfig(**{name: 1e-9})

@@ -18,7 +18,7 @@ MIN_VIEW_DEG, MAX_VIEW_DEG = 0.5, 170.0
 MAX_OFF_AXIS_DEG = 80.0
 MIN_BASELINE_M, MAX_BASELINE_M = 1e-3, 3.0
 # Ratio of the focal lengths, which differ by the pixels' shape and by binning.
-MAX_ASPECT = 8.0
+MAX_ASPECT = 20.0
 # Beyond this share of the width, less than half of what is far away is in both images.
 MAX_OFFSET_SHARE = 0.5
 

@@ -92,6 +92,9 @@ def _measured_parts(drawn: Mask, probability: Image, terrain: Terrain, step_px: 
     )
 
 
+_MAX_NOISE_M = np.float32(1e6)
+
+
 def _count(labels: NDArray[np.int32], where: Mask, count: int) -> NDArray[np.int64]:
     return np.bincount(labels[where], minlength=count)
 
@@ -109,7 +112,9 @@ def _has_core(
 ) -> Mask:
     """Parts that rise above step and noise somewhere, and mostly stand up."""
     seen_share = np.clip(step_px / p.full_step_px, p.min_seen_share, 1)
-    core_m = np.maximum(p.core_share * seen_share * p.max_step_m, p.core_noises * terrain.noise_m)
+    # Without 3D the noise is infinite; times 0 it would not be a number.
+    noise_m = p.core_noises * np.minimum(terrain.noise_m, _MAX_NOISE_M)
+    core_m = np.maximum(p.core_share * seen_share * p.max_step_m, noise_m)
     stands = parts.count(terrain.measured & (smooth_m > p.min_standing_m))
     has_core = parts.count(smooth_m > core_m) >= p.min_core_pixels
     return has_core & (stands >= p.standing_share * parts.measured)

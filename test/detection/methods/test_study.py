@@ -52,7 +52,8 @@ def test_region_without_3d_is_judged_by_its_grey_level(level, obstacle):
     assert not found.seeds[inner].any()
     assert len(np.unique(found.regions[inner])) == 1
     assert (found.mask[inner] > 0).all() == obstacle
-    assert found.known[inner].all()
+    # What was neither measured nor dark is unknown, not free.
+    assert (found.known[inner] == obstacle).all()
 
 
 def test_a_grey_level_threshold_of_zero_finds_nothing():
@@ -67,6 +68,7 @@ def test_only_seed_regions_are_judged_by_their_points():
     found, _ = detect(mast(solids=BLOCK), min_seed_points=100_000)
     assert not found.seeds.any()
     assert not found.mask.any()
+    assert not found.known.any()
 
 
 def test_limits_decide_what_is_found():

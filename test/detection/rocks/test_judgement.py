@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,11 +33,11 @@ def terrain_of(height_m=0.0, noise_m=0.005, step_px=30.0, measured=True):
     )
 
 
-def kept(terrain, probability=0.6, drawn=ROCK):
+def kept(terrain, probability=0.6, drawn=ROCK, parameters=PARAMETERS):
     """Whether a drawn rock is kept; it is as a whole or not at all."""
     mask = np.zeros(SHAPE, bool)
     mask[drawn] = True
-    high = too_high(mask, np.full(SHAPE, probability, np.float32), terrain, PARAMETERS)
+    high = too_high(mask, np.full(SHAPE, probability, np.float32), terrain, parameters)
     assert high.dtype == np.bool_
     assert high.sum() in (0, mask.sum())
     return high.any()
@@ -54,6 +56,12 @@ def test_small_rock_may_be_lower_since_matching_flattens_it(height, expected):
 def test_rock_has_to_rise_above_its_noise():
     assert kept(terrain_of(0.15, noise_m=0.15))
     assert not kept(terrain_of(0.15, noise_m=0.3))
+
+
+def test_noise_need_not_count_even_where_there_is_no_3d():
+    terrain = terrain_of(0.15, noise_m=0.3)
+    terrain.noise_m[30:] = np.inf
+    assert kept(terrain, parameters=replace(PARAMETERS, core_noises=0.0))
 
 
 @pytest.mark.parametrize(
