@@ -1,10 +1,11 @@
-"""The three statuses of the node on /diagnostics (REP 107), as plain values."""
+"""The four statuses of the node on /diagnostics (REP 107), as plain values."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.node.connections import NOTHING_SEEN, Connections
 from rover_obstacle_detection.node.statistics import Recent, Snapshot
 from rover_obstacle_detection.node.watchdog import NO_FAULTS, Faults
 from rover_obstacle_detection.pairing import PairingStatistics
@@ -61,6 +62,8 @@ class NodeState:
         What the watchdog found.
     image_age_s : float or None
         Age of the latest pair when it arrived; None if its stamp is of another clock.
+    connections : Connections
+        What the ROS graph shows of the node's topics.
     """
 
     lifecycle: str
@@ -73,11 +76,19 @@ class NodeState:
     gravity_problem: str = ''
     faults: Faults = NO_FAULTS
     image_age_s: float | None = None
+    connections: Connections = NOTHING_SEEN
 
 
 def statuses(state: NodeState) -> tuple[Status, ...]:
-    """Return the statuses for input, calibration and detection."""
-    return _input(state), _calibration(state), _detection(state)
+    """Return the statuses for connections, input, calibration and detection."""
+    return _connections(state), _input(state), _calibration(state), _detection(state)
+
+
+def _connections(state: NodeState) -> Status:
+    found = state.connections
+    level = ERROR if found.errors else WARN if found.warnings else OK
+    problems = '; '.join((*found.errors, *found.warnings))
+    return Status('connections', level, problems or 'no conflict', dict(found.publishers))
 
 
 def _input(state: NodeState) -> Status:

@@ -15,7 +15,9 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
+from rover_obstacle_detection.node.connections import Connections
 from rover_obstacle_detection.node.diagnostics import NodeState, Status, statuses
+from rover_obstacle_detection.node.graph import look_at_graph
 from rover_obstacle_detection.node.gravity_input import GravityInput
 from rover_obstacle_detection.node.inputs import StereoInputs
 from rover_obstacle_detection.node.pairing_watch import PairingWatch
@@ -61,6 +63,7 @@ class ObstacleDetector(LifecycleNode):
         logger = self.get_logger()
         # rclpy allows only one severity for each line that logs, and Throttle is one for all.
         self._warn = Throttle(lambda text: logger.warning(text))
+        self._error = Throttle(lambda text: logger.error(text))
         self._statistics = NodeStatistics()
         self._calibration = LiveCalibration(
             self.resolve_topic_name('left/camera_info'),
@@ -69,7 +72,7 @@ class ObstacleDetector(LifecycleNode):
         self._watch = PairingWatch()
         self._watchdog = Watchdog(
             self._settings.watchdog,
-            on_fault=Throttle(lambda text: logger.error(text)),
+            on_fault=self._error,
             on_recovery=logger.info,
         )
         self._outputs: OutputPublishers | None = None
@@ -231,7 +234,20 @@ class ObstacleDetector(LifecycleNode):
         if before.watchdog != self._settings.watchdog:
             self._watchdog.configure(self._settings.watchdog)
 
+    def _connections(self) -> Connections:
+        inputs, outputs = self._inputs, self._outputs
+        found = look_at_graph(
+            self,
+            () if inputs is None else (*inputs.topics, *inputs.info_topics),
+            () if inputs is None else inputs.subscriptions,
+            () if outputs is None else outputs.publishers,
+        )
+        if inputs is not None:
+            inputs.set_latched(found.latched)
+        return found
+
     def _tick(self) -> None:
+        connections = self._connections()
         inputs, gravity = self._inputs, self._gravity
         now_s = time.monotonic()
         camera, calibration_problem = self._calibration.state
@@ -247,7 +263,12 @@ class ObstacleDetector(LifecycleNode):
             gravity_problem='' if gravity is None else gravity.problem,
             faults=self._watchdog.check(self._now_s(), counts),
             image_age_s=self._watchdog.image_age_s,
+            connections=connections,
         )
+        for problem in connections.errors:
+            self._error(problem)
+        for problem in connections.warnings:
+            self._warn(problem)
         self._diagnostics.publish(self._array(statuses(state)))
         if inputs is None or now_s - self._active_since_s < GRACE_S:
             return
