@@ -105,7 +105,8 @@ def _input(state: NodeState) -> Status:
             'pairs': str(pairing.pairs),
             'unmatched left': str(pairing.unmatched_left),
             'unmatched right': str(pairing.unmatched_right),
-            'smallest stamp gap (ms)': _optional(pairing.smallest_gap_ns, 1e-6, 3),
+            'smallest stamp gap (ms)': _optional(pairing.recent_gap_ns, 1e-6, 3),
+            'stamp gap of recent pairs (ms)': _optional(pairing.pair_gap_ns, 1e-6, 3),
         }
     return Status('stereo input', *_judge_input(state), values)
 

@@ -30,7 +30,7 @@ COUNTS = Snapshot(
 )  # fmt: skip
 PAIRING = PairingStatistics(
     left=103, right=102, pairs=101, unmatched_left=2, unmatched_right=1, pending_left=0,
-    pending_right=0, smallest_gap_ns=1_500_000,
+    pending_right=0, smallest_gap_ns=0, recent_gap_ns=1_500_000, spacing_ns=100_000_000, pair_gap_ns=2_000_000,
 )  # fmt: skip
 GOOD = NodeState(
     lifecycle='active',
@@ -77,6 +77,7 @@ def test_good_state_is_ok_with_all_values() -> None:
         'unmatched left': '2',
         'unmatched right': '1',
         'smallest stamp gap (ms)': '1.500',
+        'stamp gap of recent pairs (ms)': '2.000',
     }
     assert status['calibration'].message == 'calibrated'
     assert status['calibration'].values['baseline (m)'] == '0.1000'
@@ -178,6 +179,27 @@ def test_images_that_never_match_are_reported_after_three_seconds() -> None:
 
     assert lines[:4] == [''] * 4
     assert lines[4].startswith('40 left, 40 right, 0 pairs, smallest gap 1.5 ms; try approximate')
+
+
+@pytest.mark.parametrize(
+    ('gap_ms', 'spacing_ms'), [(300, 1000), (60, 1000), (15, 33), (51, None)]
+)
+def test_images_of_different_moments_are_not_to_be_paired(
+    gap_ms: int, spacing_ms: int | None
+) -> None:
+    images = Images()
+    images.counts = dataclasses.replace(
+        images.counts,
+        recent_gap_ns=gap_ms * 1_000_000,
+        spacing_ns=None if spacing_ms is None else spacing_ms * 1_000_000,
+    )
+
+    lines = [images.check(float(second), left=1, right=1) for second in range(6)]
+
+    assert lines[-1].endswith(
+        f'0 pairs, smallest gap {gap_ms}.0 ms: the images show different moments; synchronise '
+        'the cameras'
+    )
 
 
 def test_images_of_one_camera_only_are_reported() -> None:
