@@ -190,9 +190,7 @@ class StereoPairing:
     def statistics(self) -> PairingStatistics:
         """The counts so far."""
         spacings_ns = [
-            int(median(side.spacings_ns))
-            for side in (self._left, self._right)
-            if side.spacings_ns
+            int(median(side.spacings_ns)) for side in (self._left, self._right) if side.spacings_ns
         ]
         return PairingStatistics(
             left=self._left.received,

@@ -72,6 +72,8 @@ class StereoInputs:
     settings : Settings
     calibration : LiveCalibration
     statistics : NodeStatistics
+    on_image : callable
+        Receives 0 or 1 for each image of the left or right camera.
     on_pair : callable
         Receives each `ImagePair`; must return at once.
     warn : callable
@@ -92,12 +94,14 @@ class StereoInputs:
         *,
         calibration: LiveCalibration,
         statistics: NodeStatistics,
+        on_image: Callable[[int], None],
         on_pair: Callable[[ImagePair], None],
         warn: Callable[[str], object],
     ) -> None:
         self._node = node
         self._calibration = calibration
         self._statistics = statistics
+        self._on_image = on_image
         self._on_pair = on_pair
         self._warn = warn
         self._transport = ''
@@ -224,7 +228,8 @@ class StereoInputs:
     def _take_image(self, side: int, message: Any, info: Mapping[str, Any]) -> None:
         arrival_s = time.monotonic()
         number = info.get('publication_sequence_number')
-        self._statistics.lost(self._losses[side].lost_before(number))
+        self._statistics.image(self._losses[side].lost_before(number))
+        self._on_image(side)
         stamp = stamp_ns(message.header)
         if stamp <= 0:
             self._statistics.bad_frame('stamp is zero')

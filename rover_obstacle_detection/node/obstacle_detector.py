@@ -16,7 +16,14 @@ from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.connections import Connections
-from rover_obstacle_detection.node.diagnostics import NodeState, Status, statuses
+from rover_obstacle_detection.node.diagnostics import (
+    ERROR,
+    IDLE,
+    NodeState,
+    Status,
+    statuses,
+    worth_logging,
+)
 from rover_obstacle_detection.node.graph import look_at_graph
 from rover_obstacle_detection.node.gravity_input import GravityInput
 from rover_obstacle_detection.node.inputs import StereoInputs
@@ -38,7 +45,7 @@ from rover_obstacle_detection.node.worker import DetectionWorker, ImagePair, Sou
 
 NAME = 'obstacle_detector'
 DIAGNOSTICS_PERIOD_S = 1.0
-# After activation, missing messages are not reported for this long.
+# After activation and wake-up, missing messages are not reported for this long.
 GRACE_S = 3.0
 
 
@@ -79,7 +86,9 @@ class ObstacleDetector(LifecycleNode):
         self._inputs: StereoInputs | None = None
         self._gravity: GravityInput | None = None
         self._worker: DetectionWorker | None = None
-        self._active_since_s = 0.0
+        self._expecting_since_s = 0.0
+        # Whether the log has yet to say that nobody listens.
+        self._may_be_idle = False
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # A steady clock, so that diagnostics do not stop with /clock under use_sim_time.
         self._timer = self.create_timer(
@@ -158,6 +167,7 @@ class ObstacleDetector(LifecycleNode):
             self._settings,
             calibration=self._calibration,
             statistics=self._statistics,
+            on_image=self._note_image,
             on_pair=self._submit,
             warn=self._warn,
         )
@@ -172,12 +182,13 @@ class ObstacleDetector(LifecycleNode):
             statistics=self._statistics,
             warn=self._warn,
         )
-        self._active_since_s = time.monotonic()
+        self._expecting_since_s = time.monotonic()
         self._follow_subscribers()
         left, right = inputs.topics
         self.get_logger().info(
             f'active, method {self._settings.config.method}: pairs of {left} and {right}'
         )
+        self._may_be_idle = True
 
     def _deactivate(self) -> None:
         inputs, self._inputs = self._inputs, None
@@ -205,12 +216,16 @@ class ObstacleDetector(LifecycleNode):
             self._watchdog.stop()
         elif not self._inputs.subscribed:
             self._inputs.start()
+            self._expecting_since_s = time.monotonic()
             self._watchdog.start(self._now_s())
 
     def _now_s(self) -> float:
         # Simulated time, which can pause; otherwise a clock that nobody sets.
         clock = self.get_clock()
         return clock.now().nanoseconds / 1e9 if clock.ros_time_is_active else time.monotonic()
+
+    def _note_image(self, side: int) -> None:
+        self._watchdog.image(side, self._now_s())
 
     def _submit(self, pair: ImagePair) -> None:
         if self._worker is None:
@@ -248,7 +263,10 @@ class ObstacleDetector(LifecycleNode):
 
     def _tick(self) -> None:
         connections = self._connections()
-        inputs, gravity = self._inputs, self._gravity
+        inputs, gravity, worker = self._inputs, self._gravity, self._worker
+        topics = () if inputs is None else inputs.topics
+        described = [connections.describe(topic) for topic in topics]
+        limits = self._settings.watchdog
         now_s = time.monotonic()
         camera, calibration_problem = self._calibration.state
         counts = self._statistics.snapshot()
@@ -261,20 +279,22 @@ class ObstacleDetector(LifecycleNode):
             calibration_problem=calibration_problem,
             pairing_problem='' if inputs is None else self._watch.check(inputs.pairing, now_s),
             gravity_problem='' if gravity is None else gravity.problem,
-            faults=self._watchdog.check(self._now_s(), counts),
+            faults=self._watchdog.check(self._now_s(), counts, described),
             image_age_s=self._watchdog.image_age_s,
             connections=connections,
+            topics=topics,
+            detecting_s=0.0 if worker is None else worker.detecting_s,
+            latency_limit_s=None if limits is None else limits.max_image_age_s,
         )
-        for problem in connections.errors:
-            self._error(problem)
-        for problem in connections.warnings:
-            self._warn(problem)
         self._diagnostics.publish(self._array(statuses(state)))
-        if inputs is None or now_s - self._active_since_s < GRACE_S:
+        if inputs is None or now_s - self._expecting_since_s < GRACE_S:
             return
-        for problem in (state.calibration_problem, state.pairing_problem):
-            if problem:
-                self._warn(problem)
+        if self._may_be_idle and not state.subscribed:
+            self.get_logger().info(f'{IDLE}; images are received when one has')
+        self._may_be_idle = False
+        for level, problem in worth_logging(state):
+            log = self._error if level == ERROR else self._warn
+            log(problem)
 
     def _array(self, judged: tuple[Status, ...]) -> DiagnosticArray:
         array = DiagnosticArray(

@@ -104,6 +104,7 @@ def test_node_is_idle_without_subscribers(tmp_path: Path) -> None:
         stream = Stream(graph)
         graph.wait_for(lambda: diagnostics.message('detection').startswith('idle'))
         assert graph.node.count_subscribers(LEFT_IMAGE) == 0
+        graph.wait_for(lambda: 'INFO' in process.output and 'idle: no output' in process.output)
 
         # A subscriber to any output makes it work.
         markers = graph.subscribe('visualization_msgs/msg/MarkerArray', '/stereo/obstacle_markers')
