@@ -34,7 +34,7 @@ from rover_obstacle_detection.node.parameters import (
     declare_parameters,
     integers_to_floats,
     judge_change,
-    unknown_parameters,
+    refuse_unknown_parameters,
 )
 from rover_obstacle_detection.node.publishers import OutputPublishers
 from rover_obstacle_detection.node.settings import Settings
@@ -58,12 +58,13 @@ class ObstacleDetector(LifecycleNode):
     Raises
     ------
     ConfigurationError
-        If a parameter given at start-up is invalid.
+        If a parameter given at start-up is invalid or unknown.
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(NAME, **options)
         self._settings = declare_parameters(self)
+        refuse_unknown_parameters(self)
         self.add_pre_set_parameters_callback(integers_to_floats)
         self.add_on_set_parameters_callback(partial(judge_change, self))
         self.add_post_set_parameters_callback(self._apply_change)
@@ -94,8 +95,6 @@ class ObstacleDetector(LifecycleNode):
         self._timer = self.create_timer(
             DIAGNOSTICS_PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        if unknown := unknown_parameters(self):
-            logger.warning(f'unknown parameters: {", ".join(unknown)}')
 
     def start(self) -> None:
         """Configure and activate, unless ``autostart`` is false.
@@ -297,11 +296,13 @@ class ObstacleDetector(LifecycleNode):
             log(problem)
 
     def _array(self, judged: tuple[Status, ...]) -> DiagnosticArray:
+        # The namespace of the left image: a rover can have several cameras.
+        camera = self.resolve_topic_name('left/image_rect').rpartition('/')[0]
         array = DiagnosticArray(
             status=[
                 DiagnosticStatus(
-                    name=f'{self.get_name()}: {status.task}',
-                    hardware_id='stereo camera',
+                    name=f'{self.get_fully_qualified_name()}: {status.task}',
+                    hardware_id=camera,
                     level=bytes([status.level]),
                     message=status.message,
                     values=[KeyValue(key=key, value=text) for key, text in status.values.items()],

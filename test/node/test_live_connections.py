@@ -54,6 +54,9 @@ def test_latched_calibration_is_received(rover: ConnectedRover) -> None:
 
     assert rover.wait_for_mask(stamp).shape == (240, 320)
     rover.expect_no_conflict()
+    status = rover.diagnostics.statuses['connections']
+    assert status.name == '/stereo/obstacle_detector: connections'
+    assert status.hardware_id == '/stereo/left'
     published = rover.diagnostics.value('connections', '/stereo/left/camera_info')
     assert published == 'published by /test'
 

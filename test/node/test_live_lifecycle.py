@@ -161,7 +161,7 @@ def test_signal_during_detection_exits_cleanly(
         (('-p', 'max_step:=9.5'), 'max_step is 9.5: expected 0.01 to 2'),
         (('-p', 'max_step:=high'), "max_step is 'high': expected a number"),
         (('-p', 'max_range:=0.2'), 'max_range is 0.2: expected more than min_range'),
-        (('--params-file', 'missing.yaml'), 'missing.yaml'),
+        (('-p', 'max_stepp:=0.2'), 'max_stepp is not a parameter: did you mean max_step?'),
     ],
 )
 def test_invalid_start_prints_one_line(
