@@ -105,9 +105,7 @@ def _check(context):
         try:
             get_package_prefix('rviz2')
         except PackageNotFoundError:
-            msg = (
-                'rviz:=true needs the package rviz2, which is not installed: expected rviz:=false'
-            )
+            msg = 'rviz:=true: the package rviz2 is not installed: install it, or omit rviz:=true'
             raise ConfigurationError(msg) from None
     return []
 

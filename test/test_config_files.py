@@ -202,12 +202,9 @@ def test_launch_file_starts_the_node_with_remappings_and_parameters(
     ('changes', 'words'),
     [
         ({'params_file': 'none.yaml'}, 'none.yaml: no such parameter file'),
-        (
-            {'namespace': 'front'},
-            'has parameters of /stereo/obstacle_detector: expected /** or /f',
-        ),
+        ({'namespace': 'front'}, '/stereo/obstacle_detector: expected /** or /front/obstacle'),
         ({'namespace': ''}, 'expected /** or /obstacle_detector'),
-        ({'rviz': 'true'}, 'rviz:=true needs the package rviz2, which is not installed'),
+        ({'rviz': 'true'}, 'rviz:=true: the package rviz2 is not installed'),
     ],
 )
 def test_launch_file_refuses_what_cannot_start_before_anything_runs(
