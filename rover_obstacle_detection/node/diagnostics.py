@@ -9,7 +9,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.node.connections import NOTHING_SEEN, Connections
 from rover_obstacle_detection.node.load import WINDOW_S, Load
 from rover_obstacle_detection.node.statistics import Recent, Snapshot
-from rover_obstacle_detection.node.watchdog import NO_FAULTS, Faults
+from rover_obstacle_detection.node.watchdog import NO_FAULTS, Faults, WatchdogLimits
 from rover_obstacle_detection.pairing import SAME_MOMENT_NS, PairingStatistics
 
 OK, WARN, ERROR, STALE = range(4)
@@ -76,8 +76,8 @@ class NodeState:
         Full names of the two image topics; empty while the node is not active.
     detecting_s : float
         How long the current detection has been running (s); 0 between detections.
-    latency_limit_s : float or None
-        Largest latency that is no problem; None for any.
+    limits : WatchdogLimits or None
+        What the watchdog calls a fault; None without watchdog.
     """
 
     lifecycle: str
@@ -93,7 +93,7 @@ class NodeState:
     connections: Connections = NOTHING_SEEN
     topics: tuple[str, ...] = ()
     detecting_s: float = 0.0
-    latency_limit_s: float | None = None
+    limits: WatchdogLimits | None = None
 
 
 def statuses(state: NodeState) -> tuple[Status, ...]:
@@ -109,8 +109,14 @@ def worth_logging(state: NodeState) -> Iterator[tuple[int, str]]:
     yield from ((WARN, warning) for warning in state.connections.warnings)
     if state.calibration_problem:
         yield WARN, state.calibration_problem
+    if state.pairing_problem:
+        yield WARN, state.pairing_problem
     level, message = _judge_input(state)
-    if level == WARN:
+    logged = {state.pairing_problem}
+    if state.limits is not None:
+        # The watchdog logs it, after the time that is right for this camera.
+        logged.add(_no_pair(state))
+    if level == WARN and message not in logged:
         yield level, message
     if not state.subscribed:
         return
@@ -157,9 +163,8 @@ def _judge_input(state: NodeState) -> tuple[int, str]:
         return ERROR, ': '.join(filter(None, (state.faults.input, state.pairing_problem)))
     if state.pairing_problem:
         return WARN, state.pairing_problem
-    if state.counts.pair_rate_hz == 0:
-        described = [state.connections.describe(topic) for topic in state.topics]
-        return WARN, f'no pair yet of {" and ".join(described)}'
+    if problem := _no_pair(state):
+        return WARN, problem
     if problem := _lost(state.counts.load):
         return WARN, problem
     gap_ns = state.pairing.pair_gap_ns or 0
@@ -262,8 +267,11 @@ def _stuck(state: NodeState) -> str:
 
 
 def _slow(state: NodeState) -> str:
-    latency_s, limit_s = state.counts.load.latency_p95_s, state.latency_limit_s
-    if latency_s is None or limit_s is None or latency_s <= limit_s:
+    latency_s = state.counts.load.latency_p95_s
+    if latency_s is None or state.limits is None:
+        return ''
+    limit_s = state.limits.max_image_age_s
+    if latency_s <= limit_s:
         return ''
     return (
         f'results come {latency_s:.1f} s after their images (95th percentile of the last 10 s): '
@@ -282,6 +290,13 @@ def _overloaded(state: NodeState) -> str:
         f'{load.ended / load.seconds:.1f} of {load.pairs / load.seconds:.1f} pairs per second '
         "are judged: lower the camera's rate or working_scale"
     )
+
+
+def _no_pair(state: NodeState) -> str:
+    if state.counts.load.pairs:
+        return ''
+    described = [state.connections.describe(topic) for topic in state.topics]
+    return f'no pair of {" and ".join(described)}'
 
 
 def _lost(load: Load) -> str:

@@ -232,8 +232,9 @@ class StereoInputs:
         self._on_image(side)
         stamp = stamp_ns(message.header)
         if stamp <= 0:
-            self._statistics.bad_frame('stamp is zero')
-            self._warn(f'{self.topics[side]}: header.stamp is zero: expected the time of exposure')
+            problem = f'{self.topics[side]}: header.stamp is zero: expected the time of exposure'
+            self._statistics.bad_frame('stamp is zero', problem)
+            self._warn(problem)
             return
         add = self._pairing.add_right if side else self._pairing.add_left
         pair = add(stamp, message)

@@ -265,7 +265,6 @@ class ObstacleDetector(LifecycleNode):
         inputs, gravity, worker = self._inputs, self._gravity, self._worker
         topics = () if inputs is None else inputs.topics
         described = [connections.describe(topic) for topic in topics]
-        limits = self._settings.watchdog
         now_s = time.monotonic()
         camera, calibration_problem = self._calibration.state
         counts = self._statistics.snapshot()
@@ -283,7 +282,7 @@ class ObstacleDetector(LifecycleNode):
             connections=connections,
             topics=topics,
             detecting_s=0.0 if worker is None else worker.detecting_s,
-            latency_limit_s=None if limits is None else limits.max_image_age_s,
+            limits=self._settings.watchdog,
         )
         self._diagnostics.publish(self._array(statuses(state)))
         if inputs is None or now_s - self._expecting_since_s < GRACE_S:

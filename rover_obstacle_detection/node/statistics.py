@@ -167,7 +167,7 @@ class NodeStatistics:
         ----------
         reason : str
         problem : str, optional
-            For a complete pair: why it has no detection, in full.
+            Why there is no detection, in full.
         """
         with self._lock:
             self._bad[reason] += 1

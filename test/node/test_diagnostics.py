@@ -19,7 +19,7 @@ from rover_obstacle_detection.node.diagnostics import (
 from rover_obstacle_detection.node.load import Load
 from rover_obstacle_detection.node.pairing_watch import PairingWatch
 from rover_obstacle_detection.node.statistics import DetectionFigures, Recent, Snapshot
-from rover_obstacle_detection.node.watchdog import Faults
+from rover_obstacle_detection.node.watchdog import Faults, WatchdogLimits
 from rover_obstacle_detection.pairing import PairingStatistics
 
 CAMERA = StereoCamera(width=64, height=48, fx=100.0, fy=100.0, cx=31.5, cy=23.5, baseline_m=0.1)
@@ -37,12 +37,14 @@ COUNTS = Snapshot(
         camera_height_m=0.987, camera_pitch_deg=31.26,
     ),
     recent=Recent(judged=4),
+    load=Load(pairs=100),
 )  # fmt: skip
 PAIRING = PairingStatistics(
     left=103, right=102, pairs=101, unmatched_left=2, unmatched_right=1, pending_left=0,
     pending_right=0, smallest_gap_ns=0, recent_gap_ns=1_500_000, spacing_ns=100_000_000,
     pair_gap_ns=2_000_000,
 )  # fmt: skip
+LIMITS = WatchdogLimits(frozen_after=10, stale_after_s=2.0, max_image_age_s=2.0)
 ONE_CAMERA = Connections(publishers={'/left': 'published by /camera'})
 GOOD = NodeState(
     lifecycle='active',
@@ -117,13 +119,13 @@ def test_good_state_is_ok_with_all_values() -> None:
         ({'lifecycle': 'inactive', 'pairing': None}, 'stereo input', OK, 'inactive'),
         ({'camera': None, 'calibration_problem': 'P is zero'}, 'calibration', ERROR, 'P is zero'),
         (
-            counts(pair_rate_hz=0.0) | {'topics': ('/left', '/right'), 'connections': ONE_CAMERA},
+            load() | {'topics': ('/left', '/right'), 'connections': ONE_CAMERA},
             'stereo input',
             WARN,
-            'no pair yet of /left (published by /camera) and /right (no publisher)',
+            'no pair of /left (published by /camera) and /right (no publisher)',
         ),
         (
-            load(images=160, lost=224),
+            load(pairs=9, images=160, lost=224),
             'stereo input',
             WARN,
             '58% of the images of the last 10 s were lost on the way (224 of 384): give the '
@@ -139,7 +141,7 @@ def test_good_state_is_ok_with_all_values() -> None:
         (counts(detection_rate_hz=0.0, recent=Recent()), 'detection', OK, '0.0 detections'),
         ({'detecting_s': 12.3}, 'detection', ERROR, 'of one pair has been running for 12 s'),
         (
-            load(latency_p95_s=2.4) | {'latency_limit_s': 2.0},
+            load(latency_p95_s=2.4, pairs=9) | {'limits': LIMITS},
             'detection',
             WARN,
             'results come 2.4 s after their images (95th percentile of the last 10 s): expected '
@@ -199,10 +201,10 @@ def test_each_problem_has_its_level_and_message(
 @pytest.mark.parametrize(
     'changes',
     [
-        load(images=90, lost=10),
-        load(images=2, lost=3),
-        load(latency_p95_s=1.9) | {'latency_limit_s': 2.0},
-        load(latency_p95_s=9.0),
+        load(pairs=9, images=90, lost=10),
+        load(pairs=9, images=2, lost=3),
+        load(pairs=9, latency_p95_s=1.9) | {'limits': LIMITS},
+        load(pairs=9, latency_p95_s=9.0),
         load(pairs=100, dropped=50),
         load(seconds=4.0, pairs=100, dropped=80),
         {'detecting_s': 9.0},
@@ -225,6 +227,11 @@ def test_problems_are_logged_with_their_level() -> None:
     assert [level for level, _ in logged] == [ERROR, WARN, WARN, ERROR, WARN]
     words = ['two nodes', 'not heard', '90% of the images', 'running for 60 s', 'are judged']
     assert all(word in text for word, (_, text) in zip(words, logged, strict=True))
+    unmatched = dataclasses.replace(GOOD, **faults(input='no pair'), pairing_problem='0 pairs')
+    assert list(worth_logging(unmatched)) == [(WARN, '0 pairs')]
+    nothing = dataclasses.replace(GOOD, **load())
+    assert [text for _, text in worth_logging(nothing)] == ['no pair of ']
+    assert not list(worth_logging(dataclasses.replace(nothing, limits=LIMITS)))
     idle = dataclasses.replace(GOOD, **changes, subscribed=False)
     assert [text for _, text in worth_logging(idle)] == ['two nodes', 'not heard']
     assert not list(worth_logging(dataclasses.replace(idle, lifecycle='inactive')))

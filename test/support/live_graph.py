@@ -233,17 +233,22 @@ class Camera:
 
     def __init__(self, graph: LiveGraph, namespace: str = '/stereo', info_qos: Any = 10) -> None:
         self.graph = graph
-        names = {
+        self._namespace = namespace
+        self._names = {
             'image_rect': ('sensor_msgs/msg/Image', 10),
             'camera_info': ('sensor_msgs/msg/CameraInfo', info_qos),
         }
         self.publishers = {
-            (side, name): graph.node.create_publisher(
-                message_type(type_name), f'{namespace}/{side}/{name}', qos
-            )
+            (side, name): self.create(side, name)
             for side in ('left', 'right')
-            for name, (type_name, qos) in names.items()
+            for name in self._names
         }
+
+    def create(self, side: str, name: str) -> Any:
+        """Create a publisher."""
+        type_name, qos = self._names[name]
+        topic = f'{self._namespace}/{side}/{name}'
+        return self.graph.node.create_publisher(message_type(type_name), topic, qos)
 
     def wait_for_subscribers(self) -> None:
         """Wait until each of the four topics has a subscriber that is matched."""
