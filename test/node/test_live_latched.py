@@ -32,5 +32,10 @@ def test_latched_calibration_is_received(tmp_path: Path) -> None:
         status = rover.diagnostics.statuses['connections']
         assert status.name == '/stereo/obstacle_detector: connections'
         assert status.hardware_id == '/stereo/left'
-        published = rover.diagnostics.value('connections', '/stereo/left/camera_info')
-        assert published == 'published by /test'
+        # A node can be discovered after its topics.
+        rover.wait_for(
+            lambda: (
+                rover.diagnostics.value('connections', '/stereo/left/camera_info')
+                == 'published by /test'
+            )
+        )
