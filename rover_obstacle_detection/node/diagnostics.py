@@ -165,7 +165,8 @@ def _judge_input(state: NodeState) -> tuple[int, str]:
         return WARN, state.pairing_problem
     if problem := _no_pair(state):
         return WARN, problem
-    if problem := _lost(state.counts.load):
+    # Losses are gaps in sequence numbers, which a second publisher has of its own.
+    if not state.connections.errors and (problem := _lost(state.counts.load)):
         return WARN, problem
     gap_ns = state.pairing.pair_gap_ns or 0
     if gap_ns > SAME_MOMENT_NS:

@@ -7,7 +7,12 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rclpy.duration import Infinite
-from rclpy.qos import DurabilityPolicy, QoSCompatibility, qos_check_compatible
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 
 from rover_obstacle_detection.node.connections import NO_PUBLISHER, Connections
 
@@ -109,8 +114,12 @@ def _publishers(found: Sequence[Any]) -> str:
 
 
 def _latched(found: Sequence[Any]) -> bool:
-    durabilities = {each.qos_profile.durability for each in found}
-    return durabilities == {DurabilityPolicy.TRANSIENT_LOCAL}
+    # Best-effort publishers keep nothing for late subscribers.
+    return all(
+        each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        and each.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        for each in found
+    )
 
 
 def _nodes_of(endpoints: Sequence[Any]) -> str:

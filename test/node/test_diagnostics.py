@@ -216,16 +216,23 @@ def test_what_is_normal_is_ok(changes: dict[str, Any]) -> None:
     assert not list(worth_logging(dataclasses.replace(GOOD, **changes)))
 
 
+def test_numbers_of_two_publishers_are_no_loss() -> None:
+    changes = load(pairs=9, images=1, lost=9) | {'connections': Connections(errors=('two',))}
+
+    assert judged(**changes)['stereo input'].level == OK
+
+
 def test_problems_are_logged_with_their_level() -> None:
-    changes = load(images=1, lost=9, pairs=10, dropped=9) | {
+    changes = load(pairs=10, dropped=9) | {
         'detecting_s': 60.0,
         'connections': Connections(errors=('two nodes',), warnings=('not heard',)),
+        'pairing': dataclasses.replace(PAIRING, pair_gap_ns=60_000_000),
     }
 
     logged = list(worth_logging(dataclasses.replace(GOOD, **changes)))
 
     assert [level for level, _ in logged] == [ERROR, WARN, WARN, ERROR, WARN]
-    words = ['two nodes', 'not heard', '90% of the images', 'running for 60 s', 'are judged']
+    words = ['two nodes', 'not heard', 'moments differ', 'running for 60 s', 'are judged']
     assert all(word in text for word, (_, text) in zip(words, logged, strict=True))
     unmatched = dataclasses.replace(GOOD, **faults(input='no pair'), pairing_problem='0 pairs')
     assert list(worth_logging(unmatched)) == [(WARN, '0 pairs')]

@@ -113,10 +113,18 @@ def test_publisher_that_offers_less_than_is_asked_for(graph: Graph) -> None:
 
 
 def test_topic_is_latched_if_all_its_publishers_are(graph: Graph) -> None:
+    unreliable = QoSProfile(
+        depth=1,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+    )
     graph.publishers[INFO] = [endpoint(LATCHED)]
     assert graph.look().latched == {IMAGE: False, INFO: True}
 
-    graph.publishers[INFO].append(endpoint(RELIABLE))
+    graph.publishers[INFO] = [endpoint(unreliable)]
+    assert graph.look().latched[INFO] is False
+
+    graph.publishers[INFO] = [endpoint(LATCHED), endpoint(RELIABLE)]
     graph.publishers[IMAGE] = []
     found = graph.look()
     assert found.latched == {INFO: False}

@@ -1,4 +1,4 @@
-"""The watchdog over DDS: a frozen and a silent camera."""
+"""The watchdog over DDS: what is published while a camera is frozen."""
 
 from __future__ import annotations
 
