@@ -7,6 +7,7 @@ ros2 launch rover_obstacle_detection obstacle_detector.launch.py bag:=traverse.m
 import os
 import sys
 
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
@@ -21,7 +22,9 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.node.transport import PROFILE_VARIABLES, use_large_message_profile
+from rover_obstacle_detection.parameter_file import NODE_NAME, check_node_file
 
 PACKAGE = 'rover_obstacle_detection'
 TOPICS = {
@@ -66,6 +69,7 @@ def generate_launch_description():
             DeclareLaunchArgument('bag', default_value='', description='Bag to play.'),
             DeclareLaunchArgument('rate', default_value='1.0', description='Playback rate.'),
             DeclareLaunchArgument('rviz', default_value='false', description='Start RViz.'),
+            OpaqueFunction(function=_check),
             OpaqueFunction(function=_set_profile),
             Node(
                 package=PACKAGE,
@@ -90,6 +94,20 @@ def generate_launch_description():
             ),
         ]
     )
+
+
+def _check(context):
+    """Refuse what cannot start before any process runs: launch leaves those running on errors."""
+    namespace = LaunchConfiguration('namespace').perform(context).strip('/')
+    name = f'/{namespace}/{NODE_NAME}' if namespace else f'/{NODE_NAME}'
+    check_node_file(LaunchConfiguration('params_file').perform(context), name)
+    if LaunchConfiguration('rviz').perform(context).lower() in ('true', '1'):
+        try:
+            get_package_prefix('rviz2')
+        except PackageNotFoundError:
+            msg = 'rviz:=true: the package rviz2 is not installed: install it, or omit rviz:=true'
+            raise ConfigurationError(msg) from None
+    return []
 
 
 def _set_profile(context):

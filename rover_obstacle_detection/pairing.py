@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from statistics import median
 from typing import Any, NamedTuple
 
 # Exact stamps may arrive this much out of order; more means that the stream has restarted.
@@ -12,6 +13,11 @@ RESTART_NS = 1_000_000_000
 # The next stamp may come after half the smallest spacing so far. A gap of at most a quarter of
 # that spacing is then the smallest possible.
 _CERTAIN_SPACING_FRACTION = 4
+
+# Images of each camera, or pairs, that count as recent.
+RECENT = 20
+# A rover that turns by 20 deg/s moves the view by a degree in this time.
+SAME_MOMENT_NS = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,9 @@ class PairingStatistics:
     """Counts of images: ``left = pairs + unmatched_left + pending_left``, and so on the right.
 
     ``smallest_gap_ns`` is the smallest difference seen between a left and a right stamp, matched
-    or not. It is None until both sides have received an image.
+    or not. It is None until both sides have received an image. ``recent_gap_ns`` is that of the
+    latest 20 images of each side. ``spacing_ns`` is the median time between the latest 20 images
+    of the faster side. ``pair_gap_ns`` is the largest stamp difference within the latest 20 pairs.
     """
 
     left: int
@@ -50,6 +58,23 @@ class PairingStatistics:
     pending_left: int
     pending_right: int
     smallest_gap_ns: int | None
+    recent_gap_ns: int | None = None
+    spacing_ns: int | None = None
+    pair_gap_ns: int | None = None
+
+
+def shows_one_moment(gap_ns: int, spacing_ns: int | None) -> bool:
+    """Return whether two images may be of one exposure although their stamps differ.
+
+    Parameters
+    ----------
+    gap_ns : int
+        Difference of the stamps.
+    spacing_ns : int or None
+        Time between two images of one camera, if known. Cameras that run freely have gaps of up to
+        half of it.
+    """
+    return gap_ns <= SAME_MOMENT_NS and (spacing_ns is None or 4 * gap_ns <= spacing_ns)
 
 
 class _Image(NamedTuple):
@@ -66,11 +91,13 @@ class _Side:
         self.unmatched = 0
         self.newest_ns: int | None = None
         self.smallest_spacing_ns: int | None = None
+        self.spacings_ns: deque[int] = deque(maxlen=RECENT)
 
     def append(self, image: _Image) -> None:
         if self.newest_ns is not None and image.stamp_ns > self.newest_ns:
             spacing_ns = image.stamp_ns - self.newest_ns
             self.smallest_spacing_ns = min(spacing_ns, self.smallest_spacing_ns or spacing_ns)
+            self.spacings_ns.append(spacing_ns)
         self.newest_ns = image.stamp_ns
         self.received += 1
         self.waiting.append(image)
@@ -138,6 +165,8 @@ class StereoPairing:
         self._ready: deque[Pair] = deque()
         self._pairs = 0
         self._smallest_gap_ns: int | None = None
+        self._gaps_ns: deque[int] = deque(maxlen=2 * RECENT)
+        self._pair_gaps_ns: deque[int] = deque(maxlen=RECENT)
 
     def add_left(self, stamp_ns: int, item: Any) -> Pair | None:
         """Add a left image; return the next pair if one is complete."""
@@ -160,6 +189,9 @@ class StereoPairing:
     @property
     def statistics(self) -> PairingStatistics:
         """The counts so far."""
+        spacings_ns = [
+            int(median(side.spacings_ns)) for side in (self._left, self._right) if side.spacings_ns
+        ]
         return PairingStatistics(
             left=self._left.received,
             right=self._right.received,
@@ -169,6 +201,9 @@ class StereoPairing:
             pending_left=len(self._left.waiting),
             pending_right=len(self._right.waiting),
             smallest_gap_ns=self._smallest_gap_ns,
+            recent_gap_ns=min(self._gaps_ns, default=None),
+            spacing_ns=min(spacings_ns, default=None),
+            pair_gap_ns=max(self._pair_gaps_ns, default=None),
         )
 
     def _add(self, own: _Side, other: _Side, image: _Image) -> Pair | None:
@@ -196,10 +231,13 @@ class StereoPairing:
 
     def _note_gap(self, other: _Side, stamp_ns: int) -> None:
         stamps = [*(image.stamp_ns for image in other.waiting), other.newest_ns]
-        gaps = [abs(stamp_ns - each) for each in stamps if each is not None]
+        gaps_ns = [abs(stamp_ns - each) for each in stamps if each is not None]
+        if not gaps_ns:
+            return
+        self._gaps_ns.append(min(gaps_ns))
         if self._smallest_gap_ns is not None:
-            gaps.append(self._smallest_gap_ns)
-        self._smallest_gap_ns = min(gaps, default=None)
+            gaps_ns.append(self._smallest_gap_ns)
+        self._smallest_gap_ns = min(gaps_ns)
 
     def _match_equal(self, image: _Image, other: _Side) -> None:
         for candidate in other.waiting:
@@ -240,4 +278,5 @@ class StereoPairing:
         self._right.take(right)
         self._pairs += 1
         gap_ns = abs(left.stamp_ns - right.stamp_ns)
+        self._pair_gaps_ns.append(gap_ns)
         self._ready.append(Pair(left.stamp_ns, left.item, right.item, gap_ns))

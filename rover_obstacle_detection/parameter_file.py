@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -68,9 +69,8 @@ def load_config(path: str | Path) -> DetectorConfig:
     descriptions = {each.name: each for each in DetectorConfig.parameters()}
     unknown = [name for name in values if name not in descriptions and not _is_of_node(name)]
     if unknown:
-        near = difflib.get_close_matches(unknown[0], [*descriptions, *NODE_PARAMETER_NAMES], n=1)
-        hint = f'did you mean {near[0]}?' if near else 'expected a parameter of the detector'
-        raise ConfigurationError(f'{path}: {unknown[0]} is not a parameter: {hint}')
+        known = [*descriptions, *NODE_PARAMETER_NAMES]
+        raise ConfigurationError(f'{path}: {describe_unknown(unknown[0], known)}')
     try:
         return DetectorConfig(
             **{
@@ -81,6 +81,35 @@ def load_config(path: str | Path) -> DetectorConfig:
         )
     except ConfigurationError as error:
         raise ConfigurationError(f'{path}: {error}') from None
+
+
+def check_node_file(path: str | Path, node_name: str) -> None:
+    """Check that a parameter file sets something of a node; ROS ignores other files silently.
+
+    Parameters
+    ----------
+    path : str or Path
+    node_name : str
+        With its namespace, such as ``/stereo/obstacle_detector``.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read, or has no parameters under ``/**`` or the name of the node.
+    """
+    path = Path(path)
+    keys = ['/' + '/'.join(names) for names, _ in _parameter_blocks(_load(path), path)]
+    if not any(_key_matches(key, node_name) for key in keys):
+        raise ConfigurationError(
+            f'{path}: only has parameters of {", ".join(keys)}: expected /** or {node_name}'
+        )
+
+
+def describe_unknown(name: str, known: Iterable[str]) -> str:
+    """Return that a name is no parameter, and the known one that is most like it."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    hint = f'did you mean {near[0]}?' if near else 'expected a parameter of the detector'
+    return f'{name} is not a parameter: {hint}'
 
 
 def dump_config(config: DetectorConfig) -> str:
@@ -115,12 +144,26 @@ def _load(path: Path) -> object:
     raise ConfigurationError(msg)
 
 
-def _values(content: object, path: Path) -> dict[str, Any]:
+def _key_matches(key: str, node_name: str) -> bool:
+    """Whether ROS gives the parameters under a key to a node."""
+    # ** stands for any number of names, * for one.
+    tokens = {'**': '(/[^/]+)*', '*': '/[^/]+'}
+    parts = key.strip('/').split('/')
+    pattern = ''.join(tokens.get(part, '/' + re.escape(part)) for part in parts)
+    return re.fullmatch(pattern, node_name) is not None
+
+
+def _parameter_blocks(content: object, path: Path) -> list[tuple[tuple[str, ...], object]]:
     blocks = list(_blocks(content, ()))
     if not blocks:
         raise ConfigurationError(
             f'{path}: is not a ROS parameter file: expected {_PARAMETERS} under /** or a node name'
         )
+    return blocks
+
+
+def _values(content: object, path: Path) -> dict[str, Any]:
+    blocks = _parameter_blocks(content, path)
     mine = [block for block in blocks if block[0][-1] in (*_WILDCARDS, NODE_NAME)]
     if not mine:
         found = ', '.join('/'.join(names) for names, _ in blocks)

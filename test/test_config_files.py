@@ -14,6 +14,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.node import transport
 from rover_obstacle_detection.node.settings import (
@@ -132,7 +133,16 @@ class Recorded(SimpleNamespace):
         return context[self.args[0]]
 
 
+class PackageNotFoundError(KeyError):
+    """Replaces that of ament_index_python."""
+
+
+def no_package(name: str) -> str:
+    raise PackageNotFoundError(name)
+
+
 LAUNCH_MODULES = {
+    'ament_index_python': [],
     'launch': ['LaunchDescription'],
     'launch.actions': [
         'DeclareLaunchArgument',
@@ -158,9 +168,14 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
         for name in names:
             setattr(module, name, type(name, (Recorded,), {}))
         monkeypatch.setitem(sys.modules, module_name, module)
+    packages = ModuleType('ament_index_python.packages')
+    packages.__dict__.update(
+        PackageNotFoundError=PackageNotFoundError, get_package_prefix=no_package
+    )
+    monkeypatch.setitem(sys.modules, packages.__name__, packages)
     script = runpy.run_path(str(ROOT / 'launch' / 'obstacle_detector.launch.py'))
     (entities,) = script['generate_launch_description']().args
-    by_kind: dict[str, list[Any]] = {}
+    by_kind: dict[str, list[Any]] = {'all': entities}
     for entity in entities:
         by_kind.setdefault(type(entity).__name__, []).append(entity)
     return by_kind
@@ -183,10 +198,41 @@ def test_launch_file_starts_the_node_with_remappings_and_parameters(
     ]
 
 
+@pytest.mark.parametrize(
+    ('changes', 'words'),
+    [
+        ({'params_file': 'none.yaml'}, 'none.yaml: no such parameter file'),
+        ({'namespace': 'front'}, '/stereo/obstacle_detector: expected /** or /front/obstacle'),
+        ({'namespace': ''}, 'expected /** or /obstacle_detector'),
+        ({'rviz': 'true'}, 'rviz:=true: the package rviz2 is not installed'),
+    ],
+)
+def test_launch_file_refuses_what_cannot_start_before_anything_runs(
+    launched: dict[str, list[Any]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    changes: dict[str, str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('own.yaml').write_text('/stereo/obstacle_detector: {ros__parameters: {max_step: 0.2}}')
+    check = launched['OpaqueFunction'][0].function
+    arguments = {'namespace': '/stereo', 'params_file': 'own.yaml', 'rviz': 'false'}
+    assert check(arguments) == []
+
+    with pytest.raises(ConfigurationError) as refusal:
+        check(arguments | changes)
+
+    assert words in str(refusal.value)
+    assert '\n' not in str(refusal.value)
+    names = [type(each).__name__ for each in launched['all']]
+    assert names.index('OpaqueFunction') < names.index('Node')
+
+
 def test_launch_file_sets_the_profile_unless_the_user_did(
     launched: dict[str, list[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    set_profile = launched['OpaqueFunction'][0].function
+    set_profile = launched['OpaqueFunction'][1].function
     for name in PROFILE_VARIABLES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(transport, '_free_bytes', lambda folder: 1 << 40)
@@ -202,7 +248,7 @@ def test_launch_file_sets_the_profile_unless_the_user_did(
 
 
 def test_launch_file_plays_a_bag_on_request(launched: dict[str, list[Any]]) -> None:
-    play = launched['OpaqueFunction'][1].function
+    play = launched['OpaqueFunction'][2].function
     arguments = {'bag': '', 'rate': '0.5', 'use_sim_time': 'false'}
 
     assert play(arguments) == []

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rover_obstacle_detection.pairing import Pair, StereoPairing
+from rover_obstacle_detection.pairing import Pair, StereoPairing, shows_one_moment
 
 SECOND = 1_000_000_000
 MS = 1_000_000
@@ -223,3 +223,29 @@ def test_images_from_before_a_jump_back_are_dropped_and_counted(tolerance):
 def test_invalid_settings_are_refused(tolerance, queue_size):
     with pytest.raises(ValueError, match='too small'):
         StereoPairing(tolerance, queue_size)
+
+
+def test_recent_gaps_forget_what_is_past():
+    pairing = StereoPairing(tolerance_ns=SECOND)
+    offsets = [0] * 5 + [300 * MS] * 20 + [7 * MS] * 5 + [8 * MS] * 20
+    largest = []
+    for frame, offset in enumerate(offsets):
+        pairing.add_left(frame * SECOND, None)
+        pairing.add_right(frame * SECOND + offset, None)
+        largest.append(pairing.statistics.pair_gap_ns)
+
+    now = pairing.statistics
+    assert now.spacing_ns == SECOND
+    assert (now.smallest_gap_ns, now.recent_gap_ns) == (0, 8 * MS)
+    assert (largest[4], largest[24], largest[-1]) == (0, 300 * MS, 8 * MS)
+
+
+@pytest.mark.parametrize(
+    ('gap_ms', 'spacing_ms', 'one_moment'),
+    [(20, 100, True), (26, 100, False), (51, 1000, False), (50, None, True)],
+)
+def test_images_of_one_moment_are_near_in_time_and_against_the_frame_period(
+    gap_ms, spacing_ms, one_moment
+):
+    spacing_ns = None if spacing_ms is None else spacing_ms * MS
+    assert shows_one_moment(gap_ms * MS, spacing_ns) == one_moment

@@ -8,6 +8,7 @@ from rover_obstacle_detection import DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.parameter_file import (
     NODE_PARAMETER_NAMES,
+    check_node_file,
     dump_config,
     load_config,
 )
@@ -121,3 +122,46 @@ def test_a_dumped_configuration_loads_unchanged(tmp_path_factory, step, method, 
     for description in DetectorConfig.parameters():
         assert f'    {description.name}: ' in text
         assert description.description.split()[0] in text
+
+
+@pytest.mark.parametrize(
+    ('key', 'name', 'matches'),
+    [
+        ('/**', '/stereo/obstacle_detector', True),
+        ('obstacle_detector', '/obstacle_detector', True),
+        ('obstacle_detector', '/stereo/obstacle_detector', False),
+        ('/obstacle_detector', '/stereo/obstacle_detector', False),
+        ('stereo/obstacle_detector', '/stereo/obstacle_detector', True),
+        ('/stereo:\n obstacle_detector', '/stereo/obstacle_detector', True),
+        ('/stereo/obstacle_detector', '/rover/stereo/obstacle_detector', False),
+        ('/*/obstacle_detector', '/stereo/obstacle_detector', True),
+        ('/*/obstacle_detector', '/obstacle_detector', False),
+        ('/**/obstacle_detector', '/obstacle_detector', True),
+        ('/**/obstacle_detector', '/rover/stereo/obstacle_detector', True),
+        ('/stereo/*', '/stereo/obstacle_detector', True),
+        ('/stereo/**', '/stereo/obstacle_detector', True),
+        ('/stereo/**', '/obstacle_detector', False),
+        ('controller', '/stereo/obstacle_detector', False),
+    ],
+)
+def test_a_file_for_other_nodes_only_is_refused(tmp_path, key, name, matches):
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(f'{key}:\n  ros__parameters: {{max_step: 0.2}}\n')
+    if matches:
+        check_node_file(path, name)
+        return
+    full_key = '/' + key.strip('/')
+    with pytest.raises(ConfigurationError) as caught:
+        check_node_file(path, name)
+    assert str(caught.value) == (
+        f'{path}: only has parameters of {full_key}: expected /** or {name}'
+    )
+
+
+def test_a_file_without_parameters_is_refused(tmp_path):
+    path = tmp_path / 'parameters.yaml'
+    path.write_text('max_step: 0.2')
+    with pytest.raises(ConfigurationError, match='is not a ROS parameter file'):
+        check_node_file(path, '/obstacle_detector')
+    with pytest.raises(ConfigurationError, match='no such parameter file'):
+        check_node_file(tmp_path / 'none.yaml', '/obstacle_detector')

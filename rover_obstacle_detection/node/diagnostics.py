@@ -1,19 +1,28 @@
-"""The three statuses of the node on /diagnostics (REP 107), as plain values."""
+"""The four statuses of the node on /diagnostics (REP 107), as plain values."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.node.connections import NOTHING_SEEN, Connections
+from rover_obstacle_detection.node.load import WINDOW_S, Load
 from rover_obstacle_detection.node.statistics import Recent, Snapshot
-from rover_obstacle_detection.node.watchdog import NO_FAULTS, Faults
-from rover_obstacle_detection.pairing import PairingStatistics
+from rover_obstacle_detection.node.watchdog import NO_FAULTS, Faults, WatchdogLimits
+from rover_obstacle_detection.pairing import SAME_MOMENT_NS, PairingStatistics
 
 OK, WARN, ERROR, STALE = range(4)
 # With a smaller share of matched pixels, most of the ground is unknown.
 MIN_VALID_SHARE = 0.3
 # A larger residual rectification error costs accuracy although it is corrected.
 RECALIBRATE_PX = 1.0
+# Of the images or pairs of the last 10 s; fewer than this many tell nothing.
+MAX_LOST_SHARE = 0.1
+MAX_DROPPED_SHARE = 0.5
+FEW = 4
+# No detection takes this long, even of the largest images on a small computer (s).
+STUCK_S = 10.0
 IDLE = 'idle: no output has a subscriber'
 
 
@@ -61,6 +70,14 @@ class NodeState:
         What the watchdog found.
     image_age_s : float or None
         Age of the latest pair when it arrived; None if its stamp is of another clock.
+    connections : Connections
+        What the ROS graph shows of the node's topics.
+    topics : tuple of str
+        Full names of the two image topics; empty while the node is not active.
+    detecting_s : float
+        How long the current detection has been running (s); 0 between detections.
+    limits : WatchdogLimits or None
+        What the watchdog calls a fault; None without watchdog.
     """
 
     lifecycle: str
@@ -73,11 +90,48 @@ class NodeState:
     gravity_problem: str = ''
     faults: Faults = NO_FAULTS
     image_age_s: float | None = None
+    connections: Connections = NOTHING_SEEN
+    topics: tuple[str, ...] = ()
+    detecting_s: float = 0.0
+    limits: WatchdogLimits | None = None
 
 
 def statuses(state: NodeState) -> tuple[Status, ...]:
-    """Return the statuses for input, calibration and detection."""
-    return _input(state), _calibration(state), _detection(state)
+    """Return the statuses for connections, input, calibration and detection."""
+    return _connections(state), _input(state), _calibration(state), _detection(state)
+
+
+def worth_logging(state: NodeState) -> Iterator[tuple[int, str]]:
+    """Yield level and text of each problem that nothing else has logged."""
+    if state.lifecycle != 'active':
+        return
+    yield from ((ERROR, error) for error in state.connections.errors)
+    yield from ((WARN, warning) for warning in state.connections.warnings)
+    if state.calibration_problem:
+        yield WARN, state.calibration_problem
+    if state.pairing_problem:
+        yield WARN, state.pairing_problem
+    level, message = _judge_input(state)
+    logged = {state.pairing_problem}
+    if state.limits is not None:
+        # The watchdog logs it, after the time that is right for this camera.
+        logged.add(_no_pair(state))
+    if level == WARN and message not in logged:
+        yield level, message
+    if not state.subscribed:
+        return
+    if problem := _stuck(state):
+        yield ERROR, problem
+    for problem in (_slow(state), _overloaded(state)):
+        if problem:
+            yield WARN, problem
+
+
+def _connections(state: NodeState) -> Status:
+    found = state.connections
+    level = ERROR if found.errors else WARN if found.warnings else OK
+    problems = '; '.join((*found.errors, *found.warnings))
+    return Status('connections', level, problems or 'no conflict', dict(found.publishers))
 
 
 def _input(state: NodeState) -> Status:
@@ -94,7 +148,8 @@ def _input(state: NodeState) -> Status:
             'pairs': str(pairing.pairs),
             'unmatched left': str(pairing.unmatched_left),
             'unmatched right': str(pairing.unmatched_right),
-            'smallest stamp gap (ms)': _optional(pairing.smallest_gap_ns, 1e-6, 3),
+            'smallest stamp gap (ms)': _optional(pairing.recent_gap_ns, 1e-6, 3),
+            'stamp gap of recent pairs (ms)': _optional(pairing.pair_gap_ns, 1e-6, 3),
         }
     return Status('stereo input', *_judge_input(state), values)
 
@@ -108,8 +163,18 @@ def _judge_input(state: NodeState) -> tuple[int, str]:
         return ERROR, ': '.join(filter(None, (state.faults.input, state.pairing_problem)))
     if state.pairing_problem:
         return WARN, state.pairing_problem
-    if state.counts.pair_rate_hz == 0:
-        return WARN, 'no images'
+    if problem := _no_pair(state):
+        return WARN, problem
+    # Losses are gaps in sequence numbers, which a second publisher has of its own.
+    if not state.connections.errors and (problem := _lost(state.counts.load)):
+        return WARN, problem
+    gap_ns = state.pairing.pair_gap_ns or 0
+    if gap_ns > SAME_MOMENT_NS:
+        return WARN, (
+            f'the stamps of left and right differ by up to {gap_ns / 1e6:.0f} ms: moments '
+            'differ; synchronise the cameras, or set approximate_sync_tolerance_seconds to 0.05 '
+            'or less'
+        )
     return OK, f'{state.counts.pair_rate_hz:.1f} pairs per second'
 
 
@@ -170,18 +235,22 @@ def _judge_detection(state: NodeState) -> tuple[int, str]:
         return OK, IDLE
     if state.faults.detection:
         return ERROR, state.faults.detection
+    if problem := _stuck(state):
+        return ERROR, problem
     if recent.failed and not recent.judged:
         return ERROR, _failures(recent)
-    if counts.pair_rate_hz > 0 and counts.detection_rate_hz == 0:
-        return ERROR, 'pairs arrive, none can be used'
     if recent.failed:
         return WARN, _failures(recent)
+    if problem := _slow(state):
+        return WARN, problem
     if state.gravity_problem:
         return WARN, state.gravity_problem
     if recent.warnings:
         return WARN, '; '.join(recent.warnings)
     if valid_share is not None and valid_share < MIN_VALID_SHARE:
         return WARN, f'only {valid_share:.0%} of the pixels have a disparity'
+    if problem := _overloaded(state):
+        return WARN, problem
     return OK, f'{counts.detection_rate_hz:.1f} detections per second'
 
 
@@ -190,6 +259,56 @@ def _failures(recent: Recent) -> str:
     if not recent.judged:
         return f'none of the last {total} pairs could be judged: {recent.problem}'
     return f'{recent.failed} of the last {total} pairs could not be judged: {recent.problem}'
+
+
+def _stuck(state: NodeState) -> str:
+    if state.detecting_s <= STUCK_S:
+        return ''
+    return f'the detection of one pair has been running for {state.detecting_s:.0f} s'
+
+
+def _slow(state: NodeState) -> str:
+    latency_s = state.counts.load.latency_p95_s
+    if latency_s is None or state.limits is None:
+        return ''
+    limit_s = state.limits.max_image_age_s
+    if latency_s <= limit_s:
+        return ''
+    return (
+        f'results come {latency_s:.1f} s after their images (95th percentile of the last 10 s): '
+        f'expected at most max_image_age, {limit_s:g} s; lower working_scale'
+    )
+
+
+def _overloaded(state: NodeState) -> str:
+    load = state.counts.load
+    # A burst is no load that lasts, and a silent camera none at all.
+    if state.faults.input or load.seconds < WINDOW_S / 2:
+        return ''
+    if load.dropped < FEW or load.dropped <= MAX_DROPPED_SHARE * load.pairs:
+        return ''
+    return (
+        f'{load.ended / load.seconds:.1f} of {load.pairs / load.seconds:.1f} pairs per second '
+        "are judged: lower the camera's rate or working_scale"
+    )
+
+
+def _no_pair(state: NodeState) -> str:
+    if state.counts.load.pairs:
+        return ''
+    described = [state.connections.describe(topic) for topic in state.topics]
+    return f'no pair of {" and ".join(described)}'
+
+
+def _lost(load: Load) -> str:
+    sent = load.images + load.lost
+    if load.lost < FEW or load.lost <= MAX_LOST_SHARE * sent:
+        return ''
+    return (
+        f'{load.lost / sent:.0%} of the images of the last 10 s were lost on the way '
+        f'({load.lost} of {sent}): give the camera driver the Fast DDS profile, see Transport in '
+        'docs/node.md'
+    )
 
 
 def _optional(value: float | None, factor: float, digits: int) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 
@@ -22,11 +23,15 @@ from rover_obstacle_detection.node.worker import ImagePair
 from rover_obstacle_detection.pairing import PairingStatistics, StereoPairing
 
 SIDES = ('left', 'right')
+INFO_TOPICS = tuple(f'{side}/camera_info' for side in SIDES)
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
 IMAGE_TYPES = {'raw': 'sensor_msgs/msg/Image', 'compressed': 'sensor_msgs/msg/CompressedImage'}
 
 # A serialised message with a header starts with 4 bytes of encapsulation and 8 of stamp.
 STAMP_END = 12
+
+# Reliable, because a best-effort reader does not get what was published before it.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def subscribe(
@@ -48,7 +53,8 @@ def subscribe(
         message_type(type_name),
         topic,
         callback,
-        qos_profile_sensor_data,
+        # A copy, because rclpy writes what users override into it.
+        copy.copy(qos_profile_sensor_data),
         qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         **options,
     )
@@ -66,6 +72,8 @@ class StereoInputs:
     settings : Settings
     calibration : LiveCalibration
     statistics : NodeStatistics
+    on_image : callable
+        Receives 0 or 1 for each image of the left or right camera.
     on_pair : callable
         Receives each `ImagePair`; must return at once.
     warn : callable
@@ -75,6 +83,8 @@ class StereoInputs:
     ----------
     topics : tuple of str
         Full (remapped) names of the two image topics.
+    info_topics : tuple of str
+        Full names of the two calibration topics.
     """
 
     def __init__(
@@ -84,19 +94,23 @@ class StereoInputs:
         *,
         calibration: LiveCalibration,
         statistics: NodeStatistics,
+        on_image: Callable[[int], None],
         on_pair: Callable[[ImagePair], None],
         warn: Callable[[str], object],
     ) -> None:
         self._node = node
         self._calibration = calibration
         self._statistics = statistics
+        self._on_image = on_image
         self._on_pair = on_pair
         self._warn = warn
         self._transport = ''
         self._images: list[Any] = []
         self._infos: list[Any] = []
         self._last_infos = [b'', b'']
+        self._latched = [False, False]
         self._losses = (LossCounter(), LossCounter())
+        self.info_topics = _resolved(node, INFO_TOPICS)
         self.configure(settings)
         self._subscribe_infos()
 
@@ -116,14 +130,32 @@ class StereoInputs:
         if settings.image_transport == self._transport:
             return
         self._transport = settings.image_transport
-        left, right = _relative_topics(self._transport)
-        self.topics = (
-            self._node.resolve_topic_name(left),
-            self._node.resolve_topic_name(right),
-        )
+        self.topics = _resolved(self._node, _relative_topics(self._transport))
         if self._images:
             self.stop()
             self.start()
+
+    @property
+    def subscriptions(self) -> tuple[Any, ...]:
+        """The current subscriptions."""
+        return (*self._images, *self._infos)
+
+    def set_latched(self, latched: Mapping[str, bool]) -> None:
+        """Receive a calibration that was published before this node subscribed.
+
+        Parameters
+        ----------
+        latched : mapping of str to bool
+            Whether the publishers of a topic keep their last message for late subscribers. A
+            subscriber that asks for it receives nothing from publishers that do not.
+        """
+        for side, topic in enumerate(self.info_topics):
+            wanted = latched.get(topic, self._latched[side])
+            if wanted != self._latched[side]:
+                self._latched[side] = wanted
+                if self._infos:
+                    self._node.destroy_subscription(self._infos[side])
+                    self._infos[side] = self._subscribe_info(side)
 
     def start(self) -> None:
         """Subscribe to the images."""
@@ -154,18 +186,21 @@ class StereoInputs:
         self._destroy(self._infos)
 
     def _subscribe_infos(self) -> None:
-        self._infos = [
-            subscribe(
-                self._node,
-                INFO_TYPE,
-                f'{name}/camera_info',
-                partial(self._take_info, side),
-                # Most repeat the previous one and need no deserialisation.
-                raw=True,
-                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            )
-            for side, name in enumerate(SIDES)
-        ]
+        self._infos = [self._subscribe_info(side) for side in range(len(SIDES))]
+
+    def _subscribe_info(self, side: int) -> Any:
+        options: dict[str, Any] = {
+            # Most repeat the previous one and need no deserialisation.
+            'raw': True,
+            'event_callbacks': SubscriptionEventCallbacks(use_default_callbacks=False),
+        }
+        topic, callback = INFO_TOPICS[side], partial(self._take_info, side)
+        if not self._latched[side]:
+            return subscribe(self._node, INFO_TYPE, topic, callback, **options)
+        # Without overrides: those of the other subscription would make it best effort.
+        return self._node.create_subscription(
+            message_type(INFO_TYPE), topic, callback, LATCHED, **options
+        )
 
     def _destroy(self, subscriptions: list[Any]) -> None:
         for subscription in subscriptions:
@@ -193,17 +228,24 @@ class StereoInputs:
     def _take_image(self, side: int, message: Any, info: Mapping[str, Any]) -> None:
         arrival_s = time.monotonic()
         number = info.get('publication_sequence_number')
-        self._statistics.lost(self._losses[side].lost_before(number))
+        self._statistics.image(self._losses[side].lost_before(number))
+        self._on_image(side)
         stamp = stamp_ns(message.header)
         if stamp <= 0:
-            self._statistics.bad_frame('stamp is zero')
-            self._warn(f'{self.topics[side]}: header.stamp is zero: expected the time of exposure')
+            problem = f'{self.topics[side]}: header.stamp is zero: expected the time of exposure'
+            self._statistics.bad_frame('stamp is zero', problem)
+            self._warn(problem)
             return
         add = self._pairing.add_right if side else self._pairing.add_left
         pair = add(stamp, message)
         if pair is not None:
             self._statistics.pair()
             self._on_pair(ImagePair(pair.left, pair.right, arrival_s))
+
+
+def _resolved(node: Any, topics: Sequence[str]) -> tuple[str, str]:
+    left, right = topics
+    return node.resolve_topic_name(left), node.resolve_topic_name(right)
 
 
 def _relative_topics(transport: str) -> list[str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import itertools
+import re
 import sys
 import threading
 import traceback
@@ -12,6 +14,7 @@ from typing import Any
 from rover_obstacle_detection.errors import ObstacleDetectionError
 from rover_obstacle_detection.node.process import StopSignals, ros
 from rover_obstacle_detection.node.throttle import Throttle
+from rover_obstacle_detection.parameter_file import NODE_NAME, check_node_file
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -59,6 +62,7 @@ def run_node(ros_arguments: Sequence[str]) -> int:
     ObstacleDetectionError
         If rclpy is missing or the node cannot start.
     """
+    check_parameter_files(ros_arguments)
     stop = StopSignals()
     try:
         with ros(ros_arguments) as warning:
@@ -66,6 +70,30 @@ def run_node(ros_arguments: Sequence[str]) -> int:
     finally:
         stop.ignore()
     return 0
+
+
+def check_parameter_files(ros_arguments: Sequence[str]) -> None:
+    """Check that each file given with ``--params-file`` sets something of the node.
+
+    Raises
+    ------
+    ConfigurationError
+        If one does not; ROS would ignore it silently.
+    """
+    name = full_name(ros_arguments)
+    for option, value in itertools.pairwise(ros_arguments):
+        if option == '--params-file':
+            check_node_file(value, name)
+
+
+def full_name(ros_arguments: Sequence[str]) -> str:
+    """Return the node's name and namespace, which ROS arguments can change."""
+    names = {'ns': '/', 'node': NODE_NAME}
+    for option, value in itertools.pairwise(ros_arguments):
+        found = re.fullmatch(rf'({NODE_NAME}:)?__(ns|node|name):=(.*)', value)
+        if option in ('-r', '--remap') and found:
+            names['ns' if found[2] == 'ns' else 'node'] = found[3]
+    return f'/{names["ns"].strip("/")}/{names["node"]}'.replace('//', '/')
 
 
 def _spin(stop: StopSignals, warning: str | None) -> None:

@@ -15,7 +15,16 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
-from rover_obstacle_detection.node.diagnostics import NodeState, Status, statuses
+from rover_obstacle_detection.node.connections import Connections
+from rover_obstacle_detection.node.diagnostics import (
+    ERROR,
+    IDLE,
+    NodeState,
+    Status,
+    statuses,
+    worth_logging,
+)
+from rover_obstacle_detection.node.graph import look_at_graph
 from rover_obstacle_detection.node.gravity_input import GravityInput
 from rover_obstacle_detection.node.inputs import StereoInputs
 from rover_obstacle_detection.node.pairing_watch import PairingWatch
@@ -25,7 +34,7 @@ from rover_obstacle_detection.node.parameters import (
     declare_parameters,
     integers_to_floats,
     judge_change,
-    unknown_parameters,
+    refuse_unknown_parameters,
 )
 from rover_obstacle_detection.node.publishers import OutputPublishers
 from rover_obstacle_detection.node.settings import Settings
@@ -36,7 +45,7 @@ from rover_obstacle_detection.node.worker import DetectionWorker, ImagePair, Sou
 
 NAME = 'obstacle_detector'
 DIAGNOSTICS_PERIOD_S = 1.0
-# After activation, missing messages are not reported for this long.
+# After activation and wake-up, missing messages are not reported for this long.
 GRACE_S = 3.0
 
 
@@ -49,18 +58,20 @@ class ObstacleDetector(LifecycleNode):
     Raises
     ------
     ConfigurationError
-        If a parameter given at start-up is invalid.
+        If a parameter given at start-up is invalid or unknown.
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(NAME, **options)
         self._settings = declare_parameters(self)
+        refuse_unknown_parameters(self)
         self.add_pre_set_parameters_callback(integers_to_floats)
         self.add_on_set_parameters_callback(partial(judge_change, self))
         self.add_post_set_parameters_callback(self._apply_change)
         logger = self.get_logger()
         # rclpy allows only one severity for each line that logs, and Throttle is one for all.
         self._warn = Throttle(lambda text: logger.warning(text))
+        self._error = Throttle(lambda text: logger.error(text))
         self._statistics = NodeStatistics()
         self._calibration = LiveCalibration(
             self.resolve_topic_name('left/camera_info'),
@@ -69,21 +80,21 @@ class ObstacleDetector(LifecycleNode):
         self._watch = PairingWatch()
         self._watchdog = Watchdog(
             self._settings.watchdog,
-            on_fault=Throttle(lambda text: logger.error(text)),
+            on_fault=self._error,
             on_recovery=logger.info,
         )
         self._outputs: OutputPublishers | None = None
         self._inputs: StereoInputs | None = None
         self._gravity: GravityInput | None = None
         self._worker: DetectionWorker | None = None
-        self._active_since_s = 0.0
+        self._expecting_since_s = 0.0
+        # Whether the log has yet to say that nobody listens.
+        self._may_be_idle = False
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # A steady clock, so that diagnostics do not stop with /clock under use_sim_time.
         self._timer = self.create_timer(
             DIAGNOSTICS_PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        if unknown := unknown_parameters(self):
-            logger.warning(f'unknown parameters: {", ".join(unknown)}')
 
     def start(self) -> None:
         """Configure and activate, unless ``autostart`` is false.
@@ -155,6 +166,7 @@ class ObstacleDetector(LifecycleNode):
             self._settings,
             calibration=self._calibration,
             statistics=self._statistics,
+            on_image=self._note_image,
             on_pair=self._submit,
             warn=self._warn,
         )
@@ -169,12 +181,13 @@ class ObstacleDetector(LifecycleNode):
             statistics=self._statistics,
             warn=self._warn,
         )
-        self._active_since_s = time.monotonic()
+        self._expecting_since_s = time.monotonic()
         self._follow_subscribers()
         left, right = inputs.topics
         self.get_logger().info(
             f'active, method {self._settings.config.method}: pairs of {left} and {right}'
         )
+        self._may_be_idle = True
 
     def _deactivate(self) -> None:
         inputs, self._inputs = self._inputs, None
@@ -202,12 +215,16 @@ class ObstacleDetector(LifecycleNode):
             self._watchdog.stop()
         elif not self._inputs.subscribed:
             self._inputs.start()
+            self._expecting_since_s = time.monotonic()
             self._watchdog.start(self._now_s())
 
     def _now_s(self) -> float:
         # Simulated time, which can pause; otherwise a clock that nobody sets.
         clock = self.get_clock()
         return clock.now().nanoseconds / 1e9 if clock.ros_time_is_active else time.monotonic()
+
+    def _note_image(self, side: int) -> None:
+        self._watchdog.image(side, self._now_s())
 
     def _submit(self, pair: ImagePair) -> None:
         if self._worker is None:
@@ -231,8 +248,23 @@ class ObstacleDetector(LifecycleNode):
         if before.watchdog != self._settings.watchdog:
             self._watchdog.configure(self._settings.watchdog)
 
+    def _connections(self) -> Connections:
+        inputs, outputs = self._inputs, self._outputs
+        found = look_at_graph(
+            self,
+            () if inputs is None else (*inputs.topics, *inputs.info_topics),
+            () if inputs is None else inputs.subscriptions,
+            () if outputs is None else outputs.publishers,
+        )
+        if inputs is not None:
+            inputs.set_latched(found.latched)
+        return found
+
     def _tick(self) -> None:
-        inputs, gravity = self._inputs, self._gravity
+        connections = self._connections()
+        inputs, gravity, worker = self._inputs, self._gravity, self._worker
+        topics = () if inputs is None else inputs.topics
+        described = [connections.describe(topic) for topic in topics]
         now_s = time.monotonic()
         camera, calibration_problem = self._calibration.state
         counts = self._statistics.snapshot()
@@ -245,22 +277,31 @@ class ObstacleDetector(LifecycleNode):
             calibration_problem=calibration_problem,
             pairing_problem='' if inputs is None else self._watch.check(inputs.pairing, now_s),
             gravity_problem='' if gravity is None else gravity.problem,
-            faults=self._watchdog.check(self._now_s(), counts),
+            faults=self._watchdog.check(self._now_s(), counts, described),
             image_age_s=self._watchdog.image_age_s,
+            connections=connections,
+            topics=topics,
+            detecting_s=0.0 if worker is None else worker.detecting_s,
+            limits=self._settings.watchdog,
         )
         self._diagnostics.publish(self._array(statuses(state)))
-        if inputs is None or now_s - self._active_since_s < GRACE_S:
+        if inputs is None or now_s - self._expecting_since_s < GRACE_S:
             return
-        for problem in (state.calibration_problem, state.pairing_problem):
-            if problem:
-                self._warn(problem)
+        if self._may_be_idle and not state.subscribed:
+            self.get_logger().info(f'{IDLE}; images are received when one has')
+        self._may_be_idle = False
+        for level, problem in worth_logging(state):
+            log = self._error if level == ERROR else self._warn
+            log(problem)
 
     def _array(self, judged: tuple[Status, ...]) -> DiagnosticArray:
+        # The namespace of the left image: a rover can have several cameras.
+        camera = self.resolve_topic_name('left/image_rect').rpartition('/')[0]
         array = DiagnosticArray(
             status=[
                 DiagnosticStatus(
-                    name=f'{self.get_name()}: {status.task}',
-                    hardware_id='stereo camera',
+                    name=f'{self.get_fully_qualified_name()}: {status.task}',
+                    hardware_id=camera,
                     level=bytes([status.level]),
                     message=status.message,
                     values=[KeyValue(key=key, value=text) for key, text in status.values.items()],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rover_obstacle_detection.pairing import PairingStatistics
+from rover_obstacle_detection.pairing import PairingStatistics, shows_one_moment
 
 PATIENCE_S = 3.0
 
@@ -55,9 +55,12 @@ def _describe(counts: PairingStatistics, base: PairingStatistics) -> str:
     line = f'{left} left, {right} right, 0 pairs'
     if not left or not right:
         return f'{line}: no images from the {"right" if left else "left"} camera'
-    if counts.smallest_gap_ns is None:
+    gap_ns = counts.recent_gap_ns
+    if gap_ns is None:
         return line
-    return (
-        f'{line}, smallest gap {counts.smallest_gap_ns / 1e6:.1f} ms; try approximate_sync '
-        'with a large enough approximate_sync_tolerance_seconds'
-    )
+    line += f', smallest gap {gap_ns / 1e6:.1f} ms'
+    if shows_one_moment(gap_ns, counts.spacing_ns):
+        return (
+            f'{line}; try approximate_sync with a large enough approximate_sync_tolerance_seconds'
+        )
+    return f'{line}: the images show different moments; synchronise the cameras'

@@ -18,6 +18,7 @@ from rover_obstacle_detection.detection.config import ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError, ObstacleDetectionError
 from rover_obstacle_detection.node.settings import READ_ONLY, Settings, all_parameters
 from rover_obstacle_detection.node.tf_gravity import import_tf2_ros
+from rover_obstacle_detection.parameter_file import describe_unknown
 
 
 def declare_parameters(node: Any) -> Settings:
@@ -122,13 +123,22 @@ def judge_change(node: Any, changes: Sequence[Parameter]) -> SetParametersResult
     return SetParametersResult(successful=True)
 
 
-def unknown_parameters(node: Any) -> list[str]:
-    """Return names given at start-up that the node does not have, such as misspelt ones."""
-    return sorted(
+def refuse_unknown_parameters(node: Any) -> None:
+    """Refuse names given at start-up that the node does not have, such as misspelt ones.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first of them and the parameter that is most like it.
+    """
+    unknown = sorted(
         name
         for name in _overrides(node)
         if not node.has_parameter(name) and not name.startswith('qos_overrides.')
     )
+    if unknown:
+        known = [each.name for each in all_parameters()]
+        raise ConfigurationError(describe_unknown(unknown[0], known))
 
 
 def _overrides(node: Any) -> dict[str, Parameter]:

@@ -54,6 +54,11 @@ class OutputPublishers:
         """Whether any output has a subscriber."""
         return any(publisher.get_subscription_count() for _, publisher in self._publishers)
 
+    @property
+    def publishers(self) -> tuple[Any, ...]:
+        """The publishers of rclpy."""
+        return tuple(publisher for _, publisher in self._publishers)
+
     def publish(self, detection: Detection, header: Any) -> None:
         """Make and publish the messages that have a subscriber.
 

@@ -10,11 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_obstacle_detection.node.load import Load, RecentLoad
+
 RATE_WINDOW_S = 5.0
 # Detections over which the latency percentiles are taken.
 LATENCY_WINDOW = 100
 # A little more than the period of the diagnostics, so that every outcome is reported once.
 RECENT_S = 1.2
+NO_LOAD = Load()
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,8 @@ class Snapshot:
         What became of the latest pairs.
     failing_s : float
         Time since the first pair that failed after the latest detection (s); 0 if none did.
+    load : Load
+        What became of the images and pairs of the last 10 s.
     """
 
     pair_rate_hz: float
@@ -101,6 +106,7 @@ class Snapshot:
     warned: int = 0
     recent: Recent = Recent()
     failing_s: float = 0.0
+    load: Load = NO_LOAD
 
     @property
     def bad_frames(self) -> int:
@@ -131,21 +137,28 @@ class NodeStatistics:
         self._warned = 0
         self._outcomes: deque[_Outcome] = deque(maxlen=LATENCY_WINDOW)
         self._failing_since_s: float | None = None
+        self._load = RecentLoad()
 
     def pair(self) -> None:
         """Count a pair that arrived."""
         with self._lock:
-            self._pairs.add(self._clock())
+            now_s = self._clock()
+            self._pairs.add(now_s)
+            self._load.add('pairs', now_s)
 
     def drop(self) -> None:
         """Count a pair that was dropped unprocessed."""
         with self._lock:
             self._dropped += 1
+            self._load.add('dropped', self._clock())
 
-    def lost(self, count: int) -> None:
-        """Count images lost in transport."""
+    def image(self, lost: int = 0) -> None:
+        """Count an image that arrived, and those before it that were lost in transport."""
         with self._lock:
-            self._lost += count
+            self._lost += lost
+            now_s = self._clock()
+            self._load.add('images', now_s)
+            self._load.add('lost', now_s, lost)
 
     def bad_frame(self, reason: str, problem: str = '') -> None:
         """Count an unusable frame under a short reason.
@@ -154,13 +167,13 @@ class NodeStatistics:
         ----------
         reason : str
         problem : str, optional
-            For a complete pair: why it has no detection, in full.
+            Why there is no detection, in full.
         """
         with self._lock:
             self._bad[reason] += 1
             if problem:
                 now_s = self._clock()
-                self._outcomes.append(_Outcome(now_s, problem))
+                self._end(_Outcome(now_s, problem))
                 if self._failing_since_s is None:
                     self._failing_since_s = now_s
 
@@ -168,12 +181,13 @@ class NodeStatistics:
         """Count a pair that was not given to the detector, because an image is frozen."""
         with self._lock:
             self._bad['frozen image'] += 1
-            self._outcomes.append(_Outcome(self._clock(), problem))
+            self._end(_Outcome(self._clock(), problem))
 
     def forget_outcomes(self) -> None:
         """Forget what became of earlier pairs; all counts are kept."""
         with self._lock:
             self._outcomes.clear()
+            self._load.clear()
             self._failing_since_s = None
 
     def detection(
@@ -184,9 +198,11 @@ class NodeStatistics:
             self._detected += 1
             self._warned += bool(warnings)
             self._failing_since_s = None
-            self._outcomes.append(_Outcome(self._clock(), warnings=warnings))
-            self._detections.add(self._clock())
+            now_s = self._clock()
+            self._end(_Outcome(now_s, warnings=warnings))
+            self._detections.add(now_s)
             self._latencies_s.append(latency_s)
+            self._load.add_latency(latency_s, now_s)
             self._latest = figures
 
     def snapshot(self) -> Snapshot:
@@ -210,7 +226,12 @@ class NodeStatistics:
                 warned=self._warned,
                 recent=self._recent(now_s),
                 failing_s=0.0 if failing_since_s is None else now_s - failing_since_s,
+                load=self._load.sum(now_s),
             )
+
+    def _end(self, outcome: _Outcome) -> None:
+        self._outcomes.append(outcome)
+        self._load.add('ended', outcome.time_s)
 
     def _recent(self, now_s: float) -> Recent:
         outcomes = [each for each in self._outcomes if now_s - each.time_s <= RECENT_S]

@@ -24,7 +24,7 @@ class WatchdogLimits:
     Parameters
     ----------
     frozen_after : int
-        Pairs in a row that repeat an image.
+        Pairs in a row that repeat an image, or the stamp.
     stale_after_s : float
         Time without a pair, or without one that can be judged (s).
     max_image_age_s : float
@@ -102,11 +102,19 @@ class Watchdog:
         """Expect no pairs, and forget all faults."""
         self._now_s = None
         self._silent_s = 0.0
+        self._sides_silent_s = [0.0, 0.0]
         self._stamp_ns = 0
+        self._repeats = 0
         self._age_s = None
         self._frozen = FrozenImages(1 if self._limits is None else self._limits.frozen_after)
         self._frozen_text = ''
         self._lasting: set[str] = set()
+
+    def image(self, side: int, now_s: float) -> None:
+        """Note an image of the left (0) or right (1) camera, with or without a partner."""
+        if self._now_s is not None:
+            self._advance(now_s)
+            self._sides_silent_s[side] = 0.0
 
     def take(self, images: Sequence[Any], stamp_ns: int, now_s: float, age_s: float) -> str:
         """Take a pair that arrived.
@@ -127,9 +135,13 @@ class Watchdog:
         str
             Why the pair must not be judged; empty if it may be.
         """
-        self._silent_s, self._now_s = 0.0, now_s
+        if self._now_s is None:
+            self._now_s = now_s
+        self._advance(now_s)
+        self._silent_s = 0.0
         if stamp_ns < self._stamp_ns:
             self._age_s = None
+        self._repeats = self._repeats + 1 if stamp_ns == self._stamp_ns else 0
         self._stamp_ns = stamp_ns
         # Once stamps were seen to be of the node's clock, an image of any age is late.
         if self._age_s is not None or -CLOCK_TOLERANCE_S <= age_s <= OTHER_CLOCK_S:
@@ -139,7 +151,9 @@ class Watchdog:
         self._frozen_text = self._frozen.check(images, stamp_ns)
         return self._note(self._frozen_text, 'images change again')
 
-    def check(self, now_s: float, counts: Snapshot) -> Faults:
+    def check(
+        self, now_s: float, counts: Snapshot, topics: Sequence[str] = ('left', 'right')
+    ) -> Faults:
         """Look for faults, at least every few seconds.
 
         Parameters
@@ -147,15 +161,21 @@ class Watchdog:
         now_s : float
             The clock of `take` (s).
         counts : Snapshot
+        topics : sequence of str, optional
+            How to call the left and the right images.
         """
         limits = self._limits
         if limits is None or self._now_s is None:
             return NO_FAULTS
-        self._silent_s += min(max(now_s - self._now_s, 0.0), MAX_STEP_S)
-        self._now_s = now_s
-        silent = late = lasting = ''
+        self._advance(now_s)
+        silent = late = lasting = repeated = ''
+        if self._repeats >= limits.frozen_after:
+            repeated = (
+                f'header.stamp of both images has not changed for {self._repeats} pairs: expected '
+                'the time of exposure of each image; the camera or its driver repeats it'
+            )
         if self._silent_s > limits.stale_after_s:
-            silent = f'no pair for {self._silent_s:.1f} s'
+            silent = self._describe_silence(limits.stale_after_s, topics)
         elif self._age_s is not None and self._age_s > limits.max_image_age_s:
             late = (
                 f'stamps are {self._age_s:.1f} s behind the clock of this node: images arrive '
@@ -167,8 +187,26 @@ class Watchdog:
             )
         self._note(silent, 'pairs arrive again')
         self._note(late, 'images arrive in time again')
+        self._note(repeated, 'stamps change again')
         self._note(lasting, 'pairs can be judged again')
-        return Faults(silent or self._frozen_text or late, lasting)
+        return Faults(silent or self._frozen_text or repeated or late, lasting)
+
+    def _advance(self, now_s: float) -> None:
+        assert self._now_s is not None
+        step_s = min(max(now_s - self._now_s, 0.0), MAX_STEP_S)
+        self._now_s = now_s
+        self._silent_s += step_s
+        self._sides_silent_s = [each + step_s for each in self._sides_silent_s]
+
+    def _describe_silence(self, limit_s: float, topics: Sequence[str]) -> str:
+        silent = {
+            topic: seconds
+            for topic, seconds in zip(topics, self._sides_silent_s, strict=True)
+            if seconds > limit_s
+        }
+        if not silent:
+            return f'no pair for {self._silent_s:.1f} s'
+        return f'no images on {" and ".join(silent)} for {min(silent.values()):.1f} s'
 
     def _note(self, text: str, recovery: str) -> str:
         """Pass a fault or its end on; `recovery` identifies the kind of fault."""

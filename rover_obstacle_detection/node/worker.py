@@ -17,6 +17,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import (
+    CameraError,
     ImageError,
     ObstacleDetectionError,
     UnjudgeablePairError,
@@ -109,9 +110,16 @@ class DetectionWorker:
         self._statistics = statistics
         self._warn = warn
         self._detector: tuple[StereoCamera, Settings, Detector] | None = None
+        self._started_s: float | None = None
         self._mailbox: Mailbox[ImagePair] = Mailbox(statistics.drop)
         self._thread = threading.Thread(target=self._run, name='detection', daemon=True)
         self._thread.start()
+
+    @property
+    def detecting_s(self) -> float:
+        """How long the current pair has been processed (s); 0 between pairs."""
+        started_s = self._started_s
+        return 0.0 if started_s is None else time.monotonic() - started_s
 
     def submit(self, pair: ImagePair) -> None:
         """Queue a pair in place of one that still waits; returns at once."""
@@ -124,24 +132,30 @@ class DetectionWorker:
 
     def _run(self) -> None:
         while (pair := self._mailbox.take()) is not None:
-            try:
-                self._process(pair)
-            except ObstacleDetectionError as error:
-                self._fail(type(error).__name__, str(error))
-            except Exception as error:
-                # An unforeseen error costs one frame, not the node.
-                name = type(error).__name__
-                self._fail(name, f'{name}: {error}', f'detection failed: {traceback.format_exc()}')
+            self._started_s = time.monotonic()
+            camera = self._calibration.wait_for_camera(CALIBRATION_TIMEOUT_S)
+            if camera is None:
+                problem = self._calibration.state[1]
+                self._statistics.bad_frame('no calibration', problem)
+                self._warn(problem)
+            else:
+                try:
+                    self._process(pair, camera)
+                except Exception as error:
+                    # Any error costs one pair, not the node.
+                    self._fail(pair, camera, error)
+            self._started_s = None
 
-    def _fail(self, reason: str, problem: str, log: str = '') -> None:
+    def _fail(self, pair: ImagePair, camera: StereoCamera, error: Exception) -> None:
+        reason, problem, log = _describe(error)
+        try:
+            self._outputs.publish_unknown(camera.shape, pair.left.header)
+        except Exception as second:
+            self._warn(f'nothing is published for a failed pair: {_describe(second)[2]}')
         self._statistics.bad_frame(reason, problem)
-        self._warn(log or problem)
+        self._warn(log)
 
-    def _process(self, pair: ImagePair) -> None:
-        camera = self._calibration.wait_for_camera(CALIBRATION_TIMEOUT_S)
-        if camera is None:
-            self._fail('no calibration', self._calibration.state[1])
-            return
+    def _process(self, pair: ImagePair, camera: StereoCamera) -> None:
         header = pair.left.header
         if pair.fault:
             self._outputs.publish_unknown(camera.shape, header)
@@ -154,14 +168,9 @@ class DetectionWorker:
         self._check_sizes(left, right, camera)
         gravity = self._sources.gravity(header)
         detector = self._detector_for(camera)
-        try:
-            detection = detect_unswapped(
-                detector, left, right, left_topic, right_topic, gravity=gravity
-            )
-        except UnjudgeablePairError as error:
-            self._outputs.publish_unknown(camera.shape, header)
-            self._fail('unjudgeable pair', str(error))
-            return
+        detection = detect_unswapped(
+            detector, left, right, left_topic, right_topic, gravity=gravity
+        )
         self._outputs.publish(detection, header)
         source = self._sources.settings().config.gravity_source
         has_vertical = gravity is not None or source == 'parameters'
@@ -194,8 +203,26 @@ class DetectionWorker:
         if self._detector is None or self._detector[:2] != (camera, settings):
             mask = settings.rover_mask
             pixels = None if mask is None else mask.pixels(camera.height, camera.width)
-            self._detector = camera, settings, Detector(camera, settings.config, pixels)
+            try:
+                detector = Detector(camera, settings.config, pixels)
+            except CameraError as error:
+                raise CameraError(f'{", ".join(self._sources.topics())}: {error}') from None
+            self._detector = camera, settings, detector
         return self._detector[2]
+
+
+def _describe(error: Exception) -> tuple[str, str, str]:
+    """Return an error's short name, one line for the diagnostics, and the text for the log."""
+    if isinstance(error, UnjudgeablePairError):
+        return 'unjudgeable pair', str(error), str(error)
+    kind = type(error)
+    if isinstance(error, ObstacleDetectionError):
+        return kind.__name__, str(error), str(error)
+    # With its module, because OpenCV's is called error.
+    name = kind.__name__ if kind.__module__ == 'builtins' else f'{kind.__module__}.{kind.__name__}'
+    problem = f'{name}: {" ".join(str(error).split())}'
+    lines = ''.join(traceback.format_exception(error))
+    return name, problem, f'detection failed: {problem}\n{lines}'
 
 
 def _figures(

@@ -29,7 +29,7 @@ from rover_obstacle_detection.offline.summary import (
     ReplayFrame,
     ReplaySummary,
 )
-from rover_obstacle_detection.pairing import PairingStatistics
+from rover_obstacle_detection.pairing import PairingStatistics, shows_one_moment
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_images import detect_unswapped
 
@@ -237,10 +237,10 @@ def _nothing_usable(
     gap_ns = statistics.smallest_gap_ns
     if gap_ns:
         gap_s = gap_ns / 1e9
-        return (
-            f'{path}: no pair: {counts}, smallest stamp gap {1000 * gap_s:.3f} ms; '
-            f'try --approximate-sync {_rounded_up(gap_s):g}'
-        )
+        line = f'{path}: no pair: {counts}, smallest stamp gap {1000 * gap_s:.3f} ms'
+        if shows_one_moment(gap_ns, statistics.spacing_ns):
+            return f'{line}; try --approximate-sync {_rounded_up(gap_s):g}'
+        return f'{line}: the images show different moments: expected synchronised cameras'
     return f'{path}: no pair: {counts} in the selected part'
 
 

@@ -242,6 +242,17 @@ def test_approximate_sync_pairs_different_stamps(tmp_path, capsys):
     assert _summary(tmp_path / 'out')['counts']['smallest_gap_s'] == pytest.approx(0.0034)
 
 
+def test_images_of_different_moments_are_not_to_be_paired(tmp_path, capsys):
+    bag = write_stereo_bag(tmp_path / 'unsynchronised', pairs=2, right_delay_ns=40_000_000)
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out')]) == 1
+    error = capsys.readouterr().err
+    assert error.endswith(
+        'smallest stamp gap 40.000 ms: the images show different moments: expected synchronised '
+        'cameras\n'
+    )
+    assert '--approximate-sync' not in error
+
+
 def test_a_bad_frame_is_reported_and_skipped(tmp_path, capsys):
     def spoil(index, side, message):
         if (index, side) == (1, 'right'):

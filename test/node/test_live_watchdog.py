@@ -1,4 +1,4 @@
-"""The watchdog over DDS: a frozen and a silent camera."""
+"""The watchdog over DDS: what is published while a camera is frozen."""
 
 from __future__ import annotations
 
@@ -92,18 +92,6 @@ def test_frozen_camera_gives_no_free_ground_until_it_recovers(rover: WatchedRove
     rover.wait_for(lambda: rover.send() and rover.diagnostics.level('stereo input') == 0)
     assert rover.process.output.count('images change again') == 1
     assert rover.diagnostics.value('detection', 'bad frames: frozen image') == '7'
-
-
-def test_silent_camera_is_an_error_until_pairs_arrive(rover: WatchedRover) -> None:
-    rover.ground_at(rover.send())
-
-    rover.wait_for_status('stereo input', ERROR, r'^no pair for [2-9]\.\d s')
-
-    rover.wait_for(
-        lambda: rover.send() and 'pairs per second' in rover.diagnostics.message('stereo input')
-    )
-    # On a busy machine, more than one silence may pass.
-    assert 'pairs arrive again' in rover.process.output
 
 
 def test_same_pixels_are_no_fault_without_the_watchdog(rover: WatchedRover) -> None:

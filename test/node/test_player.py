@@ -108,7 +108,7 @@ def test_part_of_a_bag_and_selected_topics(graph: Any, images: Any, bag: Path) -
 
 def test_remap_and_clock(graph: Any, bag: Path) -> None:
     elsewhere = graph.subscribe('sensor_msgs/msg/Image', '/elsewhere')
-    clock = graph.subscribe('rosgraph_msgs/msg/Clock', '/clock', depth=1000)
+    clock = graph.subscribe('rosgraph_msgs/msg/Clock', '/clock', 1000)
 
     player = graph.start(
         'play', str(bag), '--clock', '50', '--ros-args', '-r', f'{LEFT}:=/elsewhere'

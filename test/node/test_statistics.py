@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from rover_obstacle_detection.node.load import Load
 from rover_obstacle_detection.node.statistics import DetectionFigures, NodeStatistics, Recent
 
 
@@ -57,7 +58,7 @@ def test_bad_frames_are_counted_by_reason() -> None:
     for reason in ('ImageError', 'ImageError', 'no calibration'):
         statistics.bad_frame(reason)
     statistics.drop()
-    statistics.lost(3)
+    statistics.image(lost=3)
 
     snapshot = statistics.snapshot()
 
@@ -117,3 +118,31 @@ def test_time_without_a_judged_pair() -> None:
     statistics.withheld('frozen')
     clock.now_s += 1.0
     assert statistics.snapshot().failing_s == 0.0
+
+
+def test_load_covers_the_last_ten_seconds() -> None:
+    clock = Clock()
+    statistics = NodeStatistics(clock)
+    for second in range(30):
+        clock.now_s += 1.0
+        statistics.image(lost=1 if second < 25 else 0)
+        statistics.pair()
+        statistics.detection(1.0 if second < 5 else 0.2, DetectionFigures())
+    statistics.drop()
+
+    assert statistics.snapshot().load == Load(
+        seconds=10.0, images=11, lost=6, pairs=11, dropped=1, ended=11,
+        latency_p95_s=pytest.approx(0.2),
+    )  # fmt: skip
+    clock.now_s += 60.0
+    assert statistics.snapshot().load == Load()
+
+
+def test_load_starts_again_after_an_idle_time() -> None:
+    statistics = NodeStatistics(Clock())
+    statistics.image(lost=9)
+    statistics.detection(3.0, DetectionFigures())
+
+    statistics.forget_outcomes()
+
+    assert statistics.snapshot().load == Load()

@@ -30,15 +30,17 @@ class Stream:
     def image(self) -> bytes:
         return self._random.integers(0, 256, 1000, np.uint8).tobytes()
 
-    def send(self, count: int, left: bytes = b'') -> str:
-        """Send pairs; with `left`, that image every time."""
+    def send(self, count: int, left: bytes = b'', stamp_s: float | None = None) -> str:
+        """Send pairs; with `left` or `stamp_s`, that image or stamp every time."""
         text = ''
         for _ in range(count):
             self.now_s += 0.1
-            stamp_s = self.now_s + self.stamp_offset_s
+            taken_s = self.now_s + self.stamp_offset_s if stamp_s is None else stamp_s
             images = left or self.image(), self.image()
-            age_s = self.now_s - stamp_s
-            text = self.watchdog.take(images, round(stamp_s * 1e9), self.now_s, age_s)
+            age_s = self.now_s - taken_s
+            for side in (0, 1):
+                self.watchdog.image(side, self.now_s)
+            text = self.watchdog.take(images, round(taken_s * 1e9), self.now_s, age_s)
         return text
 
     def wait(self, seconds: int) -> None:
@@ -89,7 +91,7 @@ def test_silence_is_reported_until_pairs_arrive() -> None:
     assert stream.check() == Faults()
     stream.wait(1)
 
-    assert stream.check() == Faults(input='no pair for 3.0 s')
+    assert stream.check() == Faults(input='no images on left and right for 3.0 s')
     stream.send(1)
     assert stream.check() == Faults()
     assert stream.recoveries == ['pairs arrive again']
@@ -100,7 +102,39 @@ def test_silence_from_the_start_is_reported() -> None:
 
     stream.wait(3)
 
-    assert stream.check().input == 'no pair for 3.0 s'
+    assert stream.check().input == 'no images on left and right for 3.0 s'
+
+
+def test_silent_camera_is_named_and_images_without_pairs_are_not_silence() -> None:
+    stream = Stream()
+    stream.send(5)
+    for _ in range(3):
+        stream.now_s += 1.0
+        stream.watchdog.image(1, stream.now_s)
+
+    topics = ('/left (no publisher)', '/right (published by /camera)')
+    silent = stream.watchdog.check(stream.now_s, NOTHING, topics)
+    stream.watchdog.image(0, stream.now_s)
+    unmatched = stream.watchdog.check(stream.now_s, NOTHING, topics)
+
+    assert silent.input == 'no images on /left (no publisher) for 3.0 s'
+    assert unmatched.input == 'no pair for 3.0 s'
+
+
+def test_camera_that_repeats_its_stamp_is_reported() -> None:
+    stream = Stream()
+    stamp_s = stream.now_s
+    stream.send(10, stamp_s=stamp_s)
+    assert stream.check() == Faults()
+
+    assert stream.send(3, stamp_s=stamp_s) == ''
+
+    assert stream.check().input.startswith(
+        'header.stamp of both images has not changed for 12 pairs: expected the time of exposure'
+    )
+    stream.send(1)
+    assert stream.check() == Faults()
+    assert stream.recoveries == ['stamps change again']
 
 
 def test_paused_simulation_is_not_silence() -> None:
@@ -199,4 +233,4 @@ def test_changed_limits_apply_at_once() -> None:
 
     assert stream.send(3, left=image).startswith('left image has not changed for 2 frames')
     stream.wait(2)
-    assert stream.check().input == 'no pair for 2.0 s'
+    assert stream.check().input == 'no images on left and right for 2.0 s'

@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
-from rover_obstacle_detection.errors import UnjudgeablePairError
+from rover_obstacle_detection.errors import CameraError, ImageError, UnjudgeablePairError
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
@@ -44,10 +45,13 @@ class Detections:
         self.entered = threading.Semaphore(0)
         self.go_on = threading.Semaphore(0)
         self.failures: list[Exception] = []
+        self.no_detector: list[Exception] = []
         self.ground = GroundPlane((0.0, -1.0, 0.0), 0.8, (0.0, -1.0, 0.0))
         self.warnings: tuple[str, ...] = ()
 
     def __call__(self, camera: Any, config: DetectorConfig, rover_mask: Any) -> Detections:
+        if self.no_detector:
+            raise self.no_detector.pop()
         self.camera = camera
         self.made.append(config)
         return self
@@ -77,6 +81,7 @@ class Bench:
         self.warnings: list[str] = []
         self.published: list[Any] = []
         self.unknown: list[Any] = []
+        self.failures: list[Exception] = []
         self.done = threading.Semaphore(0)
         sources = module.Sources(
             settings=lambda: self.settings,
@@ -101,11 +106,15 @@ class Bench:
         return left.header
 
     def publish(self, detection: Any, header: Any) -> None:
+        if self.failures:
+            raise self.failures.pop()
         self.published.append(header)
         self.done.release()
 
     def publish_unknown(self, shape: tuple[int, int], header: Any) -> None:
         assert shape == SHAPE
+        if self.failures:
+            raise self.failures.pop()
         self.unknown.append(header)
         self.done.release()
 
@@ -164,6 +173,8 @@ def test_detector_error_costs_one_pair(bench: Bench, detections: Detections) -> 
     detections.go_on.release(2)
 
     bench.submit()
+    # Once for the outputs and once for the log.
+    assert bench.done.acquire(timeout=30)
     assert bench.done.acquire(timeout=30)
     good = bench.submit()
     assert bench.done.acquire(timeout=30)
@@ -171,6 +182,82 @@ def test_detector_error_costs_one_pair(bench: Bench, detections: Detections) -> 
     assert bench.published == [good]
     assert 'ZeroDivisionError: unforeseen' in bench.warnings[0]
     assert bench.statistics.snapshot().bad == {'ZeroDivisionError': 1}
+
+
+def opencv_error() -> Exception:
+    try:
+        cv2.resize(np.zeros((0, 0), np.uint8), (2, 2))
+    except cv2.error as error:
+        return error
+    raise AssertionError
+
+
+@pytest.mark.parametrize(
+    ('error', 'name', 'words'),
+    [
+        (opencv_error(), 'cv2.error', 'resize'),
+        (MemoryError('no memory'), 'MemoryError', 'MemoryError: no memory'),
+        (CameraError('image is 8 x 8'), 'CameraError', 'image is 8 x 8'),
+        (ImageError('data is short'), 'ImageError', 'data is short'),
+    ],
+)
+@pytest.mark.parametrize('where', ['constructor', 'detect', 'publish'])
+def test_pair_that_fails_is_published_as_unknown(
+    bench: Bench, detections: Detections, where: str, error: Exception, name: str, words: str
+) -> None:
+    bench.calibrate()
+    failures = {
+        'constructor': detections.no_detector,
+        'detect': detections.failures,
+        'publish': bench.failures,
+    }
+    failures[where].append(error)
+    detections.go_on.release(2)
+
+    bad = bench.submit()
+    # Once for the outputs and once for the log.
+    assert bench.done.acquire(timeout=30)
+    assert bench.done.acquire(timeout=30)
+    good = bench.submit()
+    assert bench.done.acquire(timeout=30)
+
+    assert (bench.published, bench.unknown) == ([good], [bad])
+    assert words in bench.warnings[0]
+    snapshot = bench.statistics.snapshot()
+    assert snapshot.bad == {name: 1}
+    assert words in snapshot.recent.problem
+    assert '\n' not in snapshot.recent.problem
+
+
+def test_worker_survives_outputs_that_always_fail(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+    bench.failures += [RuntimeError('context is invalid')] * 2
+    detections.go_on.release(2)
+
+    bench.submit()
+    assert bench.done.acquire(timeout=30)
+    assert bench.done.acquire(timeout=30)
+    good = bench.submit()
+    assert bench.done.acquire(timeout=30)
+
+    assert (bench.published, bench.unknown) == ([good], [])
+    assert bench.warnings[0].startswith(
+        'nothing is published for a failed pair: detection failed: RuntimeError: context'
+    )
+    assert bench.statistics.snapshot().bad == {'RuntimeError': 1}
+
+
+def test_time_of_the_running_detection_is_known(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+    assert bench.worker.detecting_s == 0.0
+
+    bench.submit()
+    assert detections.entered.acquire(timeout=30)
+    assert bench.worker.detecting_s > 0.0
+
+    detections.go_on.release()
+    bench.worker.stop()
+    assert bench.worker.detecting_s == 0.0
 
 
 def test_unjudgeable_pair_is_published_as_unknown_and_counted(

@@ -173,10 +173,16 @@ class LiveGraph:
         self.wait_for(lambda: ' active, method ' in process.output, process)
         return process
 
-    def subscribe(self, type_name: str, topic: str, depth: int = 10) -> Topic:
+    def create_node(self, name: str, **options: Any) -> Any:
+        """Create another node in the process of the test."""
+        import rclpy
+
+        return rclpy.create_node(name, context=self._context, **options)
+
+    def subscribe(self, type_name: str, topic: str, qos: Any = 10) -> Topic:
         kept = Topic()
         kept.subscription = self.node.create_subscription(
-            message_type(type_name), topic, kept.take, depth
+            message_type(type_name), topic, kept.take, qos
         )
         return kept
 
@@ -225,21 +231,24 @@ class LiveGraph:
 class Camera:
     """Publishes pairs of one stereo camera, reliably, as a driver does."""
 
-    def __init__(self, graph: LiveGraph, namespace: str = '/stereo') -> None:
-        from rclpy.qos import QoSProfile
-
+    def __init__(self, graph: LiveGraph, namespace: str = '/stereo', info_qos: Any = 10) -> None:
         self.graph = graph
-        names = {
-            'image_rect': 'sensor_msgs/msg/Image',
-            'camera_info': 'sensor_msgs/msg/CameraInfo',
+        self._namespace = namespace
+        self._names = {
+            'image_rect': ('sensor_msgs/msg/Image', 10),
+            'camera_info': ('sensor_msgs/msg/CameraInfo', info_qos),
         }
         self.publishers = {
-            (side, name): graph.node.create_publisher(
-                message_type(type_name), f'{namespace}/{side}/{name}', QoSProfile(depth=10)
-            )
+            (side, name): self.create(side, name)
             for side in ('left', 'right')
-            for name, type_name in names.items()
+            for name in self._names
         }
+
+    def create(self, side: str, name: str) -> Any:
+        """Create a publisher."""
+        type_name, qos = self._names[name]
+        topic = f'{self._namespace}/{side}/{name}'
+        return self.graph.node.create_publisher(message_type(type_name), topic, qos)
 
     def wait_for_subscribers(self) -> None:
         """Wait until each of the four topics has a subscriber that is matched."""

@@ -18,13 +18,19 @@ class Rover:
     Without ``watchdog``, a test may send one pair again and again.
     """
 
-    def __init__(self, graph: LiveGraph, *ros_arguments: str, watchdog: bool = False) -> None:
+    def __init__(
+        self,
+        graph: LiveGraph,
+        *ros_arguments: str,
+        watchdog: bool = False,
+        camera: Camera | None = None,
+    ) -> None:
         self.graph = graph
         self.mask = graph.subscribe('sensor_msgs/msg/Image', '/stereo/obstacle_mask')
         self.diagnostics = graph.diagnostics()
         watched = f'watchdog:={watchdog}'.lower()
         self.process = graph.start_node('-p', watched, *ros_arguments)
-        self.camera = Camera(graph)
+        self.camera = camera or Camera(graph)
         self._stamp = START_NS
 
     def next_stamp(self) -> int:
