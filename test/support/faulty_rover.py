@@ -173,7 +173,7 @@ def other_camera(rover: FaultyRover) -> Iterator[None]:
 
 
 def tiny_camera(rover: FaultyRover) -> Iterator[None]:
-    tiny = dataclasses.replace(CAMERA, width=8, height=8, cx=3.5, cy=3.5)
+    tiny = dataclasses.replace(CAMERA, width=8, height=8, cx=3.5, cy=3.5, cx_right=3.5)
     while True:
         images = (image[:8, :8].copy() for image in rover.exposure())
         rover.camera.send(tiny, *images, rover.next_stamp())
