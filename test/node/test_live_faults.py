@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 import synthetic
+from live_faults import set_field, shrink, truncate
 from live_graph import live_graph
 from live_rover import Rover
 
@@ -47,19 +48,6 @@ def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FaultyRover]:
         rover.camera.wait_for_subscribers()
         rover.expect_detection_of_good_pair()
         yield rover
-
-
-def set_field(name: str, value: object) -> Any:
-    return lambda image: setattr(image, name, value)
-
-
-def truncate(image: Any) -> None:
-    image.data = image.data[:1000]
-
-
-def shrink(image: Any) -> None:
-    image.width, image.height, image.step = 160, 120, 160
-    image.data = image.data[: 160 * 120]
 
 
 @pytest.mark.parametrize(
