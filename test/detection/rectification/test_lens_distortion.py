@@ -149,3 +149,17 @@ def test_nothing_is_seen_beyond_the_radius_where_the_polynomial_turns_back():
     radius = np.hypot(*CAMERA.rays())
     assert not seen[radius > 0.82].any()
     assert seen[radius < 0.7].all()
+
+
+@pytest.mark.parametrize('disparity_px', [0, 20])
+def test_matched_pixels_must_be_seen_in_the_right_image_too(disparity_px):
+    lenses = Lenses(right=LensDistortion(0.1))
+    disparity = np.full(CAMERA.shape, disparity_px, np.float32)
+    seen = lenses.seen(disparity, CAMERA, reach_px=4)
+    _, right = lenses.views(CAMERA)
+    # The camera's offset is 15 px.
+    shift = disparity_px + 15
+    expected = np.zeros_like(seen)
+    expected[:, shift:] = right.seen(4)[:, :-shift]
+    assert 0.5 < expected.mean() < 0.95
+    np.testing.assert_array_equal(seen, expected)
