@@ -40,8 +40,9 @@ from rover_obstacle_detection.report.extra import report_library
 SAMPLE_PERIOD_S = 5.0
 # Caches and thread pools fill up first; memory is compared from then on.
 SETTLED_AFTER_S = 300.0
-# Memory, threads and descriptors are medians over this long.
-WINDOW_S = 60.0
+# Memory, threads and descriptors are medians over this long: every kind of fault once, because
+# memory depends on what is sent and subscribed.
+WINDOW_S = 20.0 * len(FAULTS)
 # The next fault waits for the recovery from the one before at most this long.
 RECOVERY_S = 20.0
 MAX_GROWTH = 0.05
@@ -300,7 +301,7 @@ def judge(samples: Sequence[Sample], faults: Sequence[Injected]) -> list[Verdict
 
 
 def settled_windows(samples: Sequence[Sample]) -> tuple[list[Sample], list[Sample]]:
-    """Return the samples of the minute after settling and of the last minute.
+    """Return the samples of one round of faults after settling, and of the last round.
 
     A run too short for this settles in a third of its time.
     """

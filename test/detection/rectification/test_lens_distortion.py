@@ -143,6 +143,19 @@ def test_pixels_that_the_image_shows_with_a_margin():
     assert np.flatnonzero(with_margin[row])[0] == np.flatnonzero(seen[row])[0] + 4
 
 
+def test_seen_is_what_the_distorted_image_contains():
+    lens = LensDistortion(0.1)
+    x, y = CAMERA.rays()
+    stretched = 1 + lens.stretch(x, y)
+    columns, rows = (
+        CAMERA.cx + CAMERA.fx * x * stretched,
+        CAMERA.cy + CAMERA.fy * y * stretched,
+    )
+    inside = (columns >= 0) & (columns <= 239) & (rows >= 0) & (rows <= 179)
+    assert not inside[[0, -1], 125].any()
+    np.testing.assert_array_equal(view(lens).seen(reach_px=0), inside)
+
+
 def test_nothing_is_seen_beyond_the_radius_where_the_polynomial_turns_back():
     # r - 0.5 r^3 is largest at a radius of 0.82 focal lengths.
     seen = view(LensDistortion(-0.5)).seen(reach_px=4)
