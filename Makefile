@@ -1,5 +1,6 @@
 # make demo: run the detector on a recorded bag. make test: run lint, type checks and tests.
-# Both need Python 3.10 or newer and network access, and install into .venv.
+# make coverage: run the tests and report the lines and branches that they reach.
+# All need Python 3.10 or newer and network access, and install into .venv.
 
 VENV ?= .venv
 # The first one that is new enough.
@@ -21,7 +22,7 @@ METADATA := setup.py setup.cfg pyproject.toml
 # The ROS wheels set it per environment; a value inherited from another one breaks this one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo test lint environment clean
+.PHONY: demo test coverage lint environment clean
 
 demo: $(VENV)/.installed
 	$(BIN)/rover-obstacles replay bags/mars_yard --output $(DEMO) --images --force
@@ -31,6 +32,12 @@ demo: $(VENV)/.installed
 
 test: lint
 	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+
+coverage: environment
+	$(BIN)/coverage erase
+	@# The report is wanted even if a test fails.
+	$(BIN)/coverage run -m pytest --numprocesses auto --dist loadgroup; status=$$?; \
+		$(BIN)/coverage combine --quiet && $(BIN)/coverage report && exit $$status
 
 lint: environment
 	$(BIN)/ruff check .
@@ -46,7 +53,7 @@ environment: $(VENV)/.installed-$(EXTRAS)
 
 clean:
 	rm -rf .venv .venv-* $(DEMO) build install log *.egg-info \
-		.mypy_cache .pytest_cache .ruff_cache .hypothesis
+		.mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage .coverage.*
 
 $(VENV)/.installed: $(METADATA) | $(VENV)/.made
 	@echo 'Installing into $(VENV), about a minute ...'

@@ -52,6 +52,7 @@ setup(
         'tune': ['optuna>=4'],
         'train': ['onnx>=1.15', 'torch>=2.5'],
         'test': [
+            'coverage>=7.10',
             'hypothesis>=6',
             'mcap-ros2-support>=0.5.3',
             # Pinned, because new minor releases add checks.

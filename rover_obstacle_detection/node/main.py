@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from rover_obstacle_detection.errors import ObstacleDetectionError
+from rover_obstacle_detection.errors import ConfigurationError, ObstacleDetectionError
 from rover_obstacle_detection.node.process import StopSignals, ros
 from rover_obstacle_detection.node.throttle import Throttle
 from rover_obstacle_detection.parameter_file import NODE_NAME, check_node_file
@@ -102,7 +102,12 @@ def _spin(stop: StopSignals, warning: str | None) -> None:
 
     from rover_obstacle_detection.node.obstacle_detector import ObstacleDetector
 
-    node = ObstacleDetector()
+    try:
+        node = ObstacleDetector()
+    except RuntimeError as error:
+        # rclpy's RCLError, as under SROS 2 without Fast DDS's security libraries.
+        msg = ' '.join(str(error).split())
+        raise ConfigurationError(msg) from error
     try:
         if warning is not None:
             node.get_logger().warning(warning)

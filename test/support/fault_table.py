@@ -10,6 +10,7 @@ from typing import Any
 
 import faulty_rover as faults
 import numpy as np
+from spoilt_images import no_stamp, set_field, shrink, truncate
 
 # Start: arguments of the node. Live: an injection of faulty_rover.
 START, LIVE, REPLAY = 'start', 'live', 'replay'
@@ -216,23 +217,27 @@ LIVE_ROWS = (
     bad_pair(
         'an image without stamp',
         f'{LEFT}: header.stamp is zero: expected the time of exposure',
-        faults.without_stamp,
+        faults.spoilt('left', no_stamp),
     ),
     bad_pair(
         'an image with a wrong step',
         f'{LEFT}: step is 7: expected …',
-        faults.spoiled('left', step=7),
+        faults.spoilt('left', set_field('step', 7)),
     ),
     bad_pair(
         'an unknown encoding',
         f"{RIGHT}: encoding is 'yuv9': expected …",
-        faults.spoiled('right', encoding='yuv9'),
+        faults.spoilt('right', set_field('encoding', 'yuv9')),
     ),
-    bad_pair('a truncated image', f'{RIGHT}: data has N bytes: expected …', faults.truncated),
+    bad_pair(
+        'a truncated image',
+        f'{RIGHT}: data has N bytes: expected …',
+        faults.spoilt('right', truncate),
+    ),
     bad_pair(
         'images of different sizes',
         f'{LEFT}: width x height is 160 x 120: expected 320 x 240, as on {RIGHT}',
-        faults.shrunk,
+        faults.spoilt('left', shrink),
     ),
     bad_pair(
         'a covered lens',

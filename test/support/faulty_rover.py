@@ -86,53 +86,18 @@ class FaultyRover(Rover):
         self.camera.send(CAMERA, *self.exposure(), stamp)
         return stamp
 
-    def change_state(self, name: str) -> None:
-        from lifecycle_msgs.msg import Transition
-        from lifecycle_msgs.srv import ChangeState
 
-        number = getattr(Transition, f'TRANSITION_{name.upper()}')
-        request = ChangeState.Request(transition=Transition(id=number))
-        service = '/stereo/obstacle_detector/change_state'
-        assert self.graph.call(ChangeState, service, request).success
-
-
-def spoiled(side: str, **fields: Any) -> Injection:
-    """Images of one camera have wrong fields."""
+def spoilt(side: str, spoil: Callable[[Any], None]) -> Injection:
+    """Images of one camera are spoilt."""
 
     def inject(rover: FaultyRover) -> Iterator[None]:
         while True:
             pair = dict(zip(('left', 'right'), rover.pair(), strict=True))
-            for name, value in fields.items():
-                setattr(pair[side], name, value)
+            spoil(pair[side])
             rover.camera.send_images(*pair.values())
             yield
 
     return inject
-
-
-def truncated(rover: FaultyRover) -> Iterator[None]:
-    while True:
-        left, right = rover.pair()
-        right.data = right.data[:1000]
-        rover.camera.send_images(left, right)
-        yield
-
-
-def shrunk(rover: FaultyRover) -> Iterator[None]:
-    while True:
-        left, right = rover.pair()
-        left.width, left.height, left.step = 160, 120, 160
-        left.data = left.data[: 160 * 120]
-        rover.camera.send_images(left, right)
-        yield
-
-
-def without_stamp(rover: FaultyRover) -> Iterator[None]:
-    while True:
-        left, right = rover.pair()
-        left.header.stamp.sec, left.header.stamp.nanosec = 0, 0
-        rover.camera.send_images(left, right)
-        yield
 
 
 def swapped(rover: FaultyRover) -> Iterator[None]:
@@ -182,7 +147,7 @@ def tiny_camera(rover: FaultyRover) -> Iterator[None]:
 
 def no_info(rover: FaultyRover) -> Iterator[None]:
     for name in ('deactivate', 'cleanup', 'configure', 'activate'):
-        rover.change_state(name)
+        rover.transition(name)
     rover.camera.wait_for_subscribers()
     while True:
         rover.camera.send_images(*rover.pair())

@@ -89,9 +89,19 @@ class Process:
         """Resident memory without the segments that it shares with other processes."""
         return self.resident_mb() - self._memory_mb('RssShmem')
 
-    def _memory_mb(self, name: str) -> float:
-        status = Path(f'/proc/{self.pid}/status').read_text()
-        found = re.search(rf'{name}:\s+(\d+) kB', status)
+    def proportional_mb(self) -> float:
+        """Resident memory, with shared pages divided by the number of their users."""
+        return self._memory_mb('Pss', 'smaps_rollup')
+
+    def threads(self) -> int:
+        return len(list(Path(f'/proc/{self.pid}/task').iterdir()))
+
+    def descriptors(self) -> int:
+        return len(list(Path(f'/proc/{self.pid}/fd').iterdir()))
+
+    def _memory_mb(self, name: str, file: str = 'status') -> float:
+        text = Path(f'/proc/{self.pid}/{file}').read_text()
+        found = re.search(rf'^{name}:\s+(\d+) kB', text, re.MULTILINE)
         assert found
         return int(found[1]) / 1024
 
@@ -204,9 +214,12 @@ class LiveGraph:
         while not condition():
             for process in running:
                 assert process.running, process.output
-            outputs = '\n'.join(process.output for process in self._processes)
-            assert time.monotonic() < end_s, f'waited {timeout_s} s in vain\n{outputs}'
+            assert time.monotonic() < end_s, self._vain(timeout_s)
             self._executor.spin_once(timeout_sec=0.02)
+
+    def _vain(self, waited_s: float) -> str:
+        outputs = '\n'.join(process.output for process in self._processes)
+        return f'waited {waited_s} s in vain\n{outputs}'
 
     def wait_until_listening(self, *topics: str) -> None:
         """Wait until somebody subscribes to all of these topics."""

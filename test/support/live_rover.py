@@ -70,3 +70,13 @@ class Rover:
 
     def set(self, **values: Any) -> None:
         assert self.request_parameters(**values).successful
+
+    def transition(self, name: str) -> None:
+        """Request a lifecycle transition, such as ``activate``."""
+        from lifecycle_msgs.msg import Transition
+        from lifecycle_msgs.srv import ChangeState
+
+        number = getattr(Transition, f'TRANSITION_{name.upper()}')
+        request = ChangeState.Request(transition=Transition(id=number))
+        service = '/stereo/obstacle_detector/change_state'
+        assert self.graph.call(ChangeState, service, request).success

@@ -64,6 +64,19 @@ def test_ground_without_obstacles_is_found(pitch, roll, height):
     assert found.height_m == pytest.approx(height, rel=0.005)
 
 
+def test_ground_needs_the_least_number_of_points():
+    disparity = np.zeros(CAMERA.shape, np.float32)
+    disparity[-20:] = plane_disparity(ground(46, 1.0))[-20:]
+    count = np.count_nonzero(disparity)
+
+    def found(min_points):
+        parameters = replace(PARAMETERS, min_points=min_points, sample_points=count)
+        return fit_ground_plane(disparity, CAMERA, parameters, min_disparity=0.0, gravity=None)
+
+    assert found(count) is not None
+    assert found(count + 1) is None
+
+
 @pytest.mark.parametrize(('pitch', 'height'), [(46, 1.0), (25, 1.0), (60, 1.5)])
 @pytest.mark.parametrize('seed', range(3))
 def test_ground_is_found_with_obstacles_on_40_percent_of_it(pitch, height, seed):

@@ -143,9 +143,36 @@ def test_pixels_that_the_image_shows_with_a_margin():
     assert np.flatnonzero(with_margin[row])[0] == np.flatnonzero(seen[row])[0] + 4
 
 
+def test_seen_is_what_the_distorted_image_contains():
+    lens = LensDistortion(0.1)
+    x, y = CAMERA.rays()
+    stretched = 1 + lens.stretch(x, y)
+    columns, rows = (
+        CAMERA.cx + CAMERA.fx * x * stretched,
+        CAMERA.cy + CAMERA.fy * y * stretched,
+    )
+    inside = (columns >= 0) & (columns <= 239) & (rows >= 0) & (rows <= 179)
+    assert not inside[[0, -1], 125].any()
+    np.testing.assert_array_equal(view(lens).seen(reach_px=0), inside)
+
+
 def test_nothing_is_seen_beyond_the_radius_where_the_polynomial_turns_back():
     # r - 0.5 r^3 is largest at a radius of 0.82 focal lengths.
     seen = view(LensDistortion(-0.5)).seen(reach_px=4)
     radius = np.hypot(*CAMERA.rays())
     assert not seen[radius > 0.82].any()
     assert seen[radius < 0.7].all()
+
+
+@pytest.mark.parametrize('disparity_px', [0, 20])
+def test_matched_pixels_must_be_seen_in_the_right_image_too(disparity_px):
+    lenses = Lenses(right=LensDistortion(0.1))
+    disparity = np.full(CAMERA.shape, disparity_px, np.float32)
+    seen = lenses.seen(disparity, CAMERA, reach_px=4)
+    _, right = lenses.views(CAMERA)
+    # The camera's offset is 15 px.
+    shift = disparity_px + 15
+    expected = np.zeros_like(seen)
+    expected[:, shift:] = right.seen(4)[:, :-shift]
+    assert 0.5 < expected.mean() < 0.95
+    np.testing.assert_array_equal(seen, expected)

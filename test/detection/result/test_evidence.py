@@ -102,6 +102,14 @@ def test_disparity_noise_is_measured_on_slopes_and_across_jumps():
     assert seen_disparity_noise_px(noisy, PARAMETERS) == pytest.approx(0.3, rel=0.15)
 
 
+def test_disparity_noise_is_measured_on_matches_only_also_below_a_pixel():
+    random = np.random.default_rng(2)
+    far = (0.5 + random.normal(0, 0.05, (300, 400))).astype(np.float32)
+    assert seen_disparity_noise_px(far, PARAMETERS) == pytest.approx(0.05, rel=0.05)
+    with_holes = np.where(random.random(far.shape) < 0.25, np.float32(0), far + 20)
+    assert seen_disparity_noise_px(with_holes, PARAMETERS) == pytest.approx(0.05, rel=0.05)
+
+
 @pytest.mark.parametrize('shape', [(20, 30), (2, 3), (1, 1)])
 def test_disparity_noise_is_typical_without_matches(shape):
     assert seen_disparity_noise_px(np.zeros(shape, np.float32), PARAMETERS) == TYPICAL_NOISE_PX

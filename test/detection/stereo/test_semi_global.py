@@ -137,6 +137,13 @@ def test_range_follows_camera_and_nearest_distance():
     assert disparity_range(camera(offset=-10.0), 0.5) == 48
 
 
+@pytest.mark.parametrize('offset', [0.0, -10.0])
+def test_range_has_one_disparity_more_than_the_nearest_distance_needs(offset):
+    # fx B is 20 px m. A negative offset does not narrow the range.
+    assert disparity_range(camera(offset), 20 / 14.5) == 16
+    assert disparity_range(camera(offset), 20 / 15.5) == 32
+
+
 @given(nearest=st.floats(0.01, 100), width=st.integers(32, 4000), share=st.floats(-0.5, 0.5))
 def test_range_covers_the_nearest_distance_or_most_of_the_image(nearest, width, share):
     offset = share * width

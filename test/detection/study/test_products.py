@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,12 @@ def test_products_of_level_ground():
     for image in (found.roughness, found.step):
         np.testing.assert_allclose(image[matched], 0, atol=1e-4)
         assert np.isnan(image[:, 25:]).all()
+
+
+def test_far_matches_make_a_seed():
+    given = products()
+    far = replace(given, disparity=np.where(given.disparity > 0, np.float32(0.5), np.float32(0)))
+    assert far.is_seed.tolist()[1:] == [True, False]
 
 
 @pytest.mark.parametrize(('size_px', 'columns'), [(3, 21), (9, 24)])

@@ -1,0 +1,223 @@
+"""Change the detection code at random and see whether its tests notice.
+
+    python scripts/mutation_sample.py --count 60
+
+Draws mutants from modules with a test file of the same name and runs only this file on each, in a
+copy of the working tree: `test/detection/x/test_y.py` for `detection/x/y.py`. Prints the share of
+mutants that the tests find, and the survivors as diffs. A survivor is a missing test, or a change
+that makes no difference.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import difflib
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = Path('rover_obstacle_detection')
+COPIED = ('rover_obstacle_detection', 'test', 'scripts', 'config', 'bags', 'pyproject.toml')
+# Its numbers are compared with config/obstacle_detector.yaml by test/test_config_files.py.
+DECLARATIONS = PACKAGE / 'detection' / 'config.py'
+# A mutant can loop for ever; this is far more than any of the test files needs.
+TIMEOUT_S = 300.0
+SWAPPED = {
+    '<': '<=', '<=': '<', '>': '>=', '>=': '>', '==': '!=', '!=': '==', '+': '-', '-': '+',
+    'and': 'or', 'or': 'and', 'is': 'is not', 'is not': 'is', 'in': 'not in', 'not in': 'in',
+}  # fmt: skip
+OPERATORS = re.compile(r'not in|is not|<=|>=|==|!=|[<>+-]|\b(?:and|or|is|in)\b')
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of one module.
+
+    Parameters
+    ----------
+    module, test : Path
+        Relative to the repository.
+    start, end : int
+        The characters that are replaced.
+    replacement : str
+    """
+
+    module: Path
+    test: Path
+    start: int
+    end: int
+    replacement: str
+
+    def apply(self, source: str) -> str:
+        """Return the changed source."""
+        return source[: self.start] + self.replacement + source[self.end :]
+
+
+def main() -> int:
+    """Run the sample; print the result."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--count', type=int, default=60, help='number of mutants')
+    parser.add_argument('--seed', type=int, default=1, help='of the random choice')
+    arguments = parser.parse_args()
+    mutants = list(all_mutants(ROOT))
+    sample = random.Random(arguments.seed).sample(mutants, arguments.count)
+    print(f'{len(sample)} of {len(mutants)} mutants, seed {arguments.seed}', flush=True)
+    survivors = []
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        copy_tree(ROOT, copy)
+        for test in sorted({each.test for each in sample}):
+            if not passes(copy, test):
+                print(f'{test} fails without a mutant', file=sys.stderr)
+                return 1
+        for mutant in sorted(sample, key=lambda each: (each.module, each.start)):
+            survived = survives(mutant, copy)
+            print(f'{"SURVIVED" if survived else "killed"} {describe(mutant, copy)}', flush=True)
+            if survived:
+                survivors.append(mutant)
+        killed = len(sample) - len(survivors)
+        print(f'\n{killed} of {len(sample)} killed ({killed / len(sample):.0%})')
+        for mutant in survivors:
+            print(diff(mutant, copy))
+    return 0
+
+
+def all_mutants(root: Path) -> Iterator[Mutant]:
+    """Yield every mutant of the modules that have a test file of the same name."""
+    modules = [PACKAGE / 'pairing.py']
+    modules += sorted(
+        path.relative_to(root) for path in (root / PACKAGE / 'detection').rglob('*.py')
+    )
+    for module in modules:
+        if module == DECLARATIONS:
+            continue
+        test = Path('test') / module.relative_to(PACKAGE).with_name(f'test_{module.name}')
+        if (root / test).exists():
+            for start, end, replacement in changes((root / module).read_text(encoding='utf-8')):
+                yield Mutant(module, test, start, end, replacement)
+
+
+def changes(source: str) -> Iterator[tuple[int, int, str]]:
+    """Yield the changes of a source: start and end of the replaced characters, and the new ones.
+
+    Comparisons, `+`, `-`, `and` and `or` are swapped, `not` is removed, and numbers are changed.
+    """
+    place = _Places(source)
+    tree = ast.parse(source)
+    ignored = {id(each) for node in ast.walk(tree) for each in _annotations(node)}
+    for node in _walk(tree, ignored):
+        gaps: list[tuple[ast.expr, ast.expr]] = []
+        if isinstance(node, ast.Compare):
+            gaps = list(zip([node.left, *node.comparators], node.comparators, strict=False))
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
+            gaps = [(node.left, node.right)]
+        elif isinstance(node, ast.BoolOp):
+            gaps = list(zip(node.values, node.values[1:], strict=False))
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            yield place.start(node), place.start(node.operand), ''
+        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            changed = node.value + 1 if isinstance(node.value, int) else 2 * node.value or 1.0
+            yield place.start(node), place.end(node), repr(changed)
+        for left, right in gaps:
+            start, end = place.end(left), place.start(right)
+            found = OPERATORS.search(source, start, end)
+            if found is not None:
+                yield found.start(), found.end(), SWAPPED[found[0]]
+
+
+def _annotations(node: ast.AST) -> Iterator[ast.AST]:
+    for name in ('annotation', 'returns'):
+        if isinstance(annotation := getattr(node, name, None), ast.AST):
+            yield annotation
+
+
+def _walk(node: ast.AST, ignored: set[int]) -> Iterator[ast.AST]:
+    if id(node) not in ignored:
+        yield node
+        for child in ast.iter_child_nodes(node):
+            yield from _walk(child, ignored)
+
+
+class _Places:
+    """Character positions of the nodes of a source."""
+
+    def __init__(self, source: str) -> None:
+        self._lines = source.splitlines(keepends=True)
+        self._starts = [0]
+        for line in self._lines:
+            self._starts.append(self._starts[-1] + len(line))
+
+    def start(self, node: ast.expr) -> int:
+        return self._position(node.lineno, node.col_offset)
+
+    def end(self, node: ast.expr) -> int:
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
+        return self._position(node.end_lineno, node.end_col_offset)
+
+    def _position(self, line: int, byte: int) -> int:
+        # The columns of ast count bytes.
+        return self._starts[line - 1] + len(self._lines[line - 1].encode()[:byte].decode())
+
+
+def copy_tree(root: Path, folder: Path) -> None:
+    """Copy what the tests need."""
+    for name in COPIED:
+        source = root / name
+        if source.is_dir():
+            ignore = shutil.ignore_patterns('__pycache__')
+            shutil.copytree(source, folder / name, ignore=ignore)
+        else:
+            shutil.copy(source, folder / name)
+
+
+def passes(folder: Path, test: Path) -> bool:
+    """Run one test file in the copy."""
+    environment = os.environ | {'PYTHONPATH': str(folder), 'PYTHONDONTWRITEBYTECODE': '1'}
+    command = [sys.executable, '-m', 'pytest', '-x', '-q', '-p', 'no:cacheprovider', str(test)]
+    try:
+        run = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, timeout=TIMEOUT_S
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return run.returncode == 0
+
+
+def survives(mutant: Mutant, folder: Path) -> bool:
+    """Whether the tests pass with the mutant."""
+    path = folder / mutant.module
+    source = path.read_text(encoding='utf-8')
+    path.write_text(mutant.apply(source), encoding='utf-8')
+    try:
+        return passes(folder, mutant.test)
+    finally:
+        path.write_text(source, encoding='utf-8')
+
+
+def describe(mutant: Mutant, folder: Path) -> str:
+    """Return module, line and change of a mutant, on one line."""
+    source = (folder / mutant.module).read_text(encoding='utf-8')
+    line = source.count('\n', 0, mutant.start) + 1
+    old = source[mutant.start : mutant.end].strip()
+    return f'{mutant.module}:{line}: {old} -> {mutant.replacement or "(removed)"}'
+
+
+def diff(mutant: Mutant, folder: Path) -> str:
+    """Return the change as a unified diff."""
+    source = (folder / mutant.module).read_text(encoding='utf-8')
+    lines = (text.splitlines(keepends=True) for text in (source, mutant.apply(source)))
+    return ''.join(difflib.unified_diff(*lines, str(mutant.module), 'mutant', n=2))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
