@@ -19,6 +19,7 @@ LAYERS = {
     'adapters': (
         'pairing',
         'parameter_file',
+        'partial_folder',
         'pictures',
         'rover_mask',
         'swapped_images',
