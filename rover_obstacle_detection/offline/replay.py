@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,15 @@ from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.errors import BagError, ImageError, UnjudgeablePairError
+from rover_obstacle_detection.errors import (
+    BagError,
+    ConfigurationError,
+    ImageError,
+    ModelError,
+    OutputError,
+    UnjudgeablePairError,
+    failure_text,
+)
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.offline.output_file import atomic_write_json
@@ -32,6 +41,8 @@ from rover_obstacle_detection.offline.summary import (
 from rover_obstacle_detection.pairing import PairingStatistics
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_images import detect_unswapped
+
+_logger = logging.getLogger(__name__)
 
 OnProgress = Callable[[int, int], None]
 """Called with the number of pairs done and expected."""
@@ -149,40 +160,60 @@ class _Run:
             self._stopwatch.take_ms()
 
     def process(self, pair: StereoPair | BadFrame, writer: BagWriter) -> None:
-        """Detect obstacles in one pair and write the result."""
+        """Detect obstacles in one pair and write the result; keep why a pair is bad."""
         if isinstance(pair, BadFrame):
             self._bad_frames.append(pair)
             return
-        lap = self._stopwatch.lap
         try:
-            detection = detect_unswapped(
-                self._detector_of(pair.camera),
-                pair.left,
-                pair.right,
-                self._topics.left_image,
-                self._topics.right_image,
-                on_stage=lap,
-            )
-        except (ImageError, UnjudgeablePairError) as error:
-            # Nothing is written for it: a mask would call its pixels free.
-            unjudgeable = isinstance(error, UnjudgeablePairError)
-            topic = self._topics.left_image
-            self._bad_frames.append(BadFrame(pair.stamp_ns, topic, str(error), unjudgeable))
-            return
-        for name in WRITTEN_OUTPUTS:
-            output = OUTPUTS[name]
-            message = output.encode(detection, pair.left_header, writer.factory)
-            topic = f'{self._topics.namespace}/{name}'
-            writer.add(topic, output.type_name, message, pair.stamp_ns)
+            self._detect_and_write(pair, writer)
+        except (OSError, OutputError):
+            raise
+        except Exception as error:
+            if isinstance(error, (ConfigurationError, ModelError)) and not self._frames:
+                raise
+            self._take_failure(pair, error)
+
+    def _detect_and_write(self, pair: StereoPair, writer: BagWriter) -> None:
+        lap = self._stopwatch.lap
+        detection = detect_unswapped(
+            self._detector_of(pair.camera),
+            pair.left,
+            pair.right,
+            self._topics.left_image,
+            self._topics.right_image,
+            on_stage=lap,
+        )
+        # All messages before the first is written: a frame is in the bag as a whole or not at all.
+        messages = [
+            (name, OUTPUTS[name].encode(detection, pair.left_header, writer.factory))
+            for name in WRITTEN_OUTPUTS
+        ]
         summary = FrameSummary.of(detection)
         lap(WRITE_BAG)
         number = len(self._frames) + 1
         if self._options.images:
-            write_pictures(detection, pair.left, self._folder / 'images', f'{number:06d}_')
+            write_pictures(detection, pair.left, self._folder / 'images', _prefix(number))
             lap(WRITE_IMAGES)
+        for name, message in messages:
+            topic = f'{self._topics.namespace}/{name}'
+            writer.add(topic, OUTPUTS[name].type_name, message, pair.stamp_ns)
+        lap(WRITE_BAG)
         taken_ms = self._stopwatch.take_ms()
         self._frames.append(
             ReplayFrame(number, pair.stamp_ns, summary, taken_ms, detection.warnings)
+        )
+
+    def _take_failure(self, pair: StereoPair, error: Exception) -> None:
+        # Nothing is written for it: a mask would call its pixels free.
+        for picture in (self._folder / 'images').glob(f'{_prefix(len(self._frames) + 1)}*'):
+            picture.unlink()
+        _logger.debug('pair at %d ns failed', pair.stamp_ns, exc_info=error)
+        reason = failure_text(error)
+        if not isinstance(error, (ImageError, UnjudgeablePairError)):
+            reason = f'{self._topics.left_image}, {self._topics.right_image}: {reason}'
+        unjudgeable = isinstance(error, UnjudgeablePairError)
+        self._bad_frames.append(
+            BadFrame(pair.stamp_ns, self._topics.left_image, reason, unjudgeable)
         )
 
     def summary(self, bag: BagReader, pairs: StereoPairs) -> ReplaySummary:
@@ -209,6 +240,10 @@ class _Run:
             if camera not in self._cameras:
                 self._cameras.append(camera)
         return self._detector
+
+
+def _prefix(number: int) -> str:
+    return f'{number:06d}_'
 
 
 def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions) -> int:
