@@ -39,6 +39,10 @@ class ModelError(ObstacleDetectionError):
     """A trained model that does not fit this version of the package."""
 
 
+class NothingDoneError(ObstacleDetectionError):
+    """Work that was interrupted before there was anything to keep."""
+
+
 def failure_text(error: BaseException) -> str:
     """Return an error on one line: the text of one of ours, the kind and text of any other."""
     text = ' '.join(str(error).split())

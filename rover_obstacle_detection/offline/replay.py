@@ -20,6 +20,7 @@ from rover_obstacle_detection.errors import (
     ConfigurationError,
     ImageError,
     ModelError,
+    NothingDoneError,
     OutputError,
     UnjudgeablePairError,
     failure_text,
@@ -46,6 +47,9 @@ _logger = logging.getLogger(__name__)
 
 OnProgress = Callable[[int, int], None]
 """Called with the number of pairs done and expected."""
+
+Stopped = Callable[[], bool]
+"""Asked after each pair whether to end there."""
 
 WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points')
 OUTPUT_FILES = (
@@ -97,16 +101,27 @@ class ReplayOptions:
     force: bool = False
 
 
+def never_stopped() -> bool:
+    """Return False, for a replay to the end."""
+    return False
+
+
 def replay_bag(
-    path: Path, output: Path, options: ReplayOptions, on_progress: OnProgress
+    path: Path,
+    output: Path,
+    options: ReplayOptions,
+    on_progress: OnProgress,
+    stopped: Stopped = never_stopped,
 ) -> ReplaySummary:
     """Run the detector on a recording and write the results.
 
     `output` is written atomically: ``detections`` (rosbag2, mcap), ``summary.json`` and
-    optionally ``images``.
+    optionally ``images``. If `stopped`, it holds the pairs until then.
 
     Raises
     ------
+    NothingDoneError
+        If it is stopped before a pair could be used.
     ObstacleDetectionError
         If the recording cannot be read, lacks topics or has no usable pair.
     """
@@ -127,12 +142,15 @@ def replay_bag(
             every=options.every,
         )
         with output_folder(output, force=options.force, replaces=OUTPUT_FILES) as folder:
-            run = _Run(topics, folder, options)
+            run = _Run(topics, folder, options, _expected_pairs(bag, topics, options))
             with BagWriter(folder / 'detections', compress=False) as writer:
-                expected = _expected_pairs(bag, topics, options)
-                for done, pair in enumerate(run.timed(pairs), start=1):
-                    run.process(pair, writer)
-                    on_progress(done, max(done, expected))
+                for pair in run.timed(pairs):
+                    if not stopped():
+                        run.process(pair, writer)
+                        on_progress(run.done, max(run.done, run.expected))
+                    if stopped():
+                        run.interrupted = True
+                        break
                 summary = run.summary(bag, pairs)
             atomic_write_json(folder / 'summary.json', summary.as_json())
     return summary
@@ -141,7 +159,11 @@ def replay_bag(
 class _Run:
     """The state of one replay: the detector and the results so far."""
 
-    def __init__(self, topics: StereoTopics, folder: Path, options: ReplayOptions) -> None:
+    def __init__(
+        self, topics: StereoTopics, folder: Path, options: ReplayOptions, expected: int
+    ) -> None:
+        self.expected = expected
+        self.interrupted = False
         self._topics = topics
         self._folder = folder
         self._options = options
@@ -150,6 +172,11 @@ class _Run:
         self._cameras: list[StereoCamera] = []
         self._frames: list[ReplayFrame] = []
         self._bad_frames: list[BadFrame] = []
+
+    @property
+    def done(self) -> int:
+        """Number of pairs and bad messages so far."""
+        return len(self._frames) + len(self._bad_frames)
 
     def timed(self, pairs: StereoPairs) -> Iterator[StereoPair | BadFrame]:
         """Pass the pairs on, timing how long each takes to read."""
@@ -219,6 +246,8 @@ class _Run:
     def summary(self, bag: BagReader, pairs: StereoPairs) -> ReplaySummary:
         """Return the summary, or raise an error if no pair could be used."""
         statistics = pairs.statistics
+        if not self._frames and self.interrupted:
+            raise NothingDoneError(f'no usable pair of {bag.path} so far: nothing is kept')
         if not self._frames:
             raise BagError(_nothing_usable(bag.path, self._topics, statistics, self._bad_frames))
         return ReplaySummary(
@@ -230,6 +259,8 @@ class _Run:
             statistics=statistics,
             frames=tuple(self._frames),
             bad_frames=tuple(self._bad_frames),
+            expected=self.expected,
+            interrupted=self.interrupted,
         )
 
     def _detector_of(self, camera: StereoCamera) -> Detector:
@@ -253,7 +284,7 @@ def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions
     wanted_s = max(length_s - options.start_s, 0.0)
     if options.duration_s is not None:
         wanted_s = min(wanted_s, options.duration_s)
-    return math.ceil(images * wanted_s / length_s / options.every)
+    return math.ceil(images * (wanted_s / length_s) / options.every)
 
 
 def _nothing_usable(
