@@ -10,10 +10,10 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from rover_obstacle_detection.detection.config import DetectorConfig, ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.yaml_file import read_yaml
 
 NODE_NAME = 'obstacle_detector'
 NODE_PARAMETER_NAMES = frozenset(
@@ -64,7 +64,7 @@ def load_config(path: str | Path) -> DetectorConfig:
         If the file cannot be read, or a parameter is unknown or has an invalid value.
     """
     path = Path(path)
-    values = _values(_load(path), path)
+    values = _values(read_yaml(path, 'parameter file', ConfigurationError), path)
     descriptions = {each.name: each for each in DetectorConfig.parameters()}
     unknown = [name for name in values if name not in descriptions and not _is_of_node(name)]
     if unknown:
@@ -98,21 +98,6 @@ def dump_config(config: DetectorConfig) -> str:
     text = StringIO()
     YAML().dump({'/**': {_PARAMETERS: parameters}}, text)
     return text.getvalue()
-
-
-def _load(path: Path) -> object:
-    try:
-        return YAML(typ='safe').load(path.read_text(encoding='utf-8'))
-    except FileNotFoundError:
-        msg = f'{path}: no such parameter file'
-    except OSError as error:
-        msg = f'{path}: cannot be read: {error.strerror}'
-    except MarkedYAMLError as error:
-        line = f' on line {error.problem_mark.line + 1}' if error.problem_mark else ''
-        msg = f'{path}: is not valid YAML: {error.problem}{line}'
-    except (YAMLError, UnicodeDecodeError):
-        msg = f'{path}: is not valid YAML'
-    raise ConfigurationError(msg)
 
 
 def _values(content: object, path: Path) -> dict[str, Any]:
