@@ -72,8 +72,8 @@ setup(
     ],
     entry_points={
         'console_scripts': [
-            'obstacle_detector = rover_obstacle_detection.node.main:main',
-            'rover-obstacles = rover_obstacle_detection.cli.main:main',
+            'obstacle_detector = rover_obstacle_detection.program:obstacle_detector',
+            'rover-obstacles = rover_obstacle_detection.program:rover_obstacles',
         ],
     },
 )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # without importing typing, in which Ctrl-C would show a traceback
 if TYPE_CHECKING:
+    from typing import Any
+
     from rover_obstacle_detection.detection.config import DetectorConfig
     from rover_obstacle_detection.detection.detector import Detector
     from rover_obstacle_detection.detection.geometry.camera import StereoCamera

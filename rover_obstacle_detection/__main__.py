@@ -2,7 +2,7 @@
 
 import sys
 
-from rover_obstacle_detection.cli.main import main
+from rover_obstacle_detection.program import rover_obstacles
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(rover_obstacles())

@@ -37,3 +37,17 @@ class MissingExtraError(ObstacleDetectionError):
 
 class ModelError(ObstacleDetectionError):
     """A trained model that does not fit this version of the package."""
+
+
+class NothingDoneError(ObstacleDetectionError):
+    """Work that was interrupted before there was anything to keep."""
+
+
+def failure_text(error: BaseException) -> str:
+    """Return an error on one line: the text of one of ours, the kind and text of any other."""
+    text = ' '.join(str(error).split())
+    if isinstance(error, ObstacleDetectionError):
+        return text
+    kind = type(error)
+    name = kind.__name__ if kind.__module__ == 'builtins' else f'{kind.__module__}.{kind.__name__}'
+    return f'{name}: {text}' if text else name

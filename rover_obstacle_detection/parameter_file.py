@@ -11,10 +11,10 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from rover_obstacle_detection.detection.config import DetectorConfig, ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.yaml_file import read_yaml
 
 NODE_NAME = 'obstacle_detector'
 NODE_PARAMETER_NAMES = frozenset(
@@ -65,7 +65,7 @@ def load_config(path: str | Path) -> DetectorConfig:
         If the file cannot be read, or a parameter is unknown or has an invalid value.
     """
     path = Path(path)
-    values = _values(_load(path), path)
+    values = _values(read_yaml(path, 'parameter file', ConfigurationError), path)
     descriptions = {each.name: each for each in DetectorConfig.parameters()}
     unknown = [name for name in values if name not in descriptions and not _is_of_node(name)]
     if unknown:
@@ -98,7 +98,8 @@ def check_node_file(path: str | Path, node_name: str) -> None:
         If the file cannot be read, or has no parameters under ``/**`` or the name of the node.
     """
     path = Path(path)
-    keys = ['/' + '/'.join(names) for names, _ in _parameter_blocks(_load(path), path)]
+    content = read_yaml(path, 'parameter file', ConfigurationError)
+    keys = ['/' + '/'.join(names) for names, _ in _parameter_blocks(content, path)]
     if not any(_key_matches(key, node_name) for key in keys):
         raise ConfigurationError(
             f'{path}: only has parameters of {", ".join(keys)}: expected /** or {node_name}'
@@ -127,21 +128,6 @@ def dump_config(config: DetectorConfig) -> str:
     text = StringIO()
     YAML().dump({'/**': {_PARAMETERS: parameters}}, text)
     return text.getvalue()
-
-
-def _load(path: Path) -> object:
-    try:
-        return YAML(typ='safe').load(path.read_text(encoding='utf-8'))
-    except FileNotFoundError:
-        msg = f'{path}: no such parameter file'
-    except OSError as error:
-        msg = f'{path}: cannot be read: {error.strerror}'
-    except MarkedYAMLError as error:
-        line = f' on line {error.problem_mark.line + 1}' if error.problem_mark else ''
-        msg = f'{path}: is not valid YAML: {error.problem}{line}'
-    except (YAMLError, UnicodeDecodeError):
-        msg = f'{path}: is not valid YAML'
-    raise ConfigurationError(msg)
 
 
 def _key_matches(key: str, node_name: str) -> bool:

@@ -18,6 +18,8 @@ Polygon = tuple[tuple[float, float], ...]
 MIN_CORNERS = 3
 # Far beyond any image, and small enough for OpenCV's fixed-point drawing coordinates.
 MAX_COORDINATE_PX = 30_000
+MAX_POLYGON_CHARACTERS = 10_000
+MAX_SHOWN = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +96,14 @@ def _read_image(path: str) -> NDArray[np.bool_]:
     if not file.is_file():
         raise ConfigurationError(f'rover_mask is {path!r}: no such file')
     # cv2.imread would print its own warning about an unreadable file.
-    data = np.frombuffer(file.read_bytes(), np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    try:
+        data = np.frombuffer(file.read_bytes(), np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    except OSError as error:
+        raise ConfigurationError(f'rover_mask is {path!r}: {error.strerror}') from None
+    except cv2.error:
+        # Such as a size that OpenCV refuses.
+        image = None
     if image is None:
         raise ConfigurationError(f'rover_mask is {path!r}: expected an image file, such as a PNG')
     return np.asarray(image > 0)
@@ -103,12 +111,15 @@ def _read_image(path: str) -> NDArray[np.bool_]:
 
 def _parse_polygon(text: str) -> Polygon:
     try:
+        if len(text) > MAX_POLYGON_CHARACTERS:
+            raise ValueError('too long')
         corners = [_corner(corner) for corner in json.loads(text)]
         if len(corners) < MIN_CORNERS:
             raise ValueError('too few corners')
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        shown = repr(text) if len(text) <= MAX_SHOWN else f'{text[:MAX_SHOWN]!r} ...'
         raise ConfigurationError(
-            f'rover_polygon is {text!r}: expected three or more corners in pixels, '
+            f'rover_polygon is {shown}: expected three or more corners in pixels, '
             'such as [[0, 700], [1023, 700], [1023, 767], [0, 767]]'
         ) from error
     return tuple(corners)

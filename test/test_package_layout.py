@@ -18,11 +18,13 @@ LAYERS = {
     'core': ('detection',),
     'adapters': (
         'pairing',
-        'parameter_file',
+        'partial_folder',
         'pictures',
         'rover_mask',
         'swapped_images',
         'warning_kinds',
+        'yaml_file',
+        'parameter_file',
         'messages',
         'bags',
         'simulation',
@@ -34,7 +36,7 @@ LAYERS = {
 IN_ORDER = tuple(package for layer in LAYERS.values() for package in layer)
 CORE_LIBRARIES = {'numpy', 'cv2'}
 FILES = sorted(each.relative_to(ROOT) for each in ROOT.rglob('*.py'))
-ENTRY_POINTS = {'__init__': {'detection'}, '__main__': {'cli'}}
+ENTRY_POINTS = {'__init__': {'detection'}, '__main__': {'program'}, 'program': set()}
 
 
 def package_of(file: Path) -> str:

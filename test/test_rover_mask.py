@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -59,6 +61,30 @@ def test_an_image_of_another_size_is_refused(tmp_path: Path) -> None:
 def test_an_invalid_polygon_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r'rover_polygon is .* expected three or more'):
         RoverMask.load(polygon=text)
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['[' * 5000, '[' * 20_000, f'[[{"9" * 400}, 0], [0, 0], [1, 1]]', '[[0,0],[1,NaN],[1,1]]'],
+)
+def test_a_polygon_that_python_cannot_parse_is_refused_on_a_short_line(text: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        RoverMask.load(polygon=text)
+    assert 'expected three or more corners in pixels' in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_an_image_beyond_the_limits_of_opencv_is_refused(tmp_path: Path) -> None:
+    header = struct.pack('>II5B', 100_000, 100_000, 8, 0, 0, 0, 0)
+    chunk = b'IHDR' + header
+    (tmp_path / 'mask.png').write_bytes(
+        b'\x89PNG\r\n\x1a\n'
+        + struct.pack('>I', len(header))
+        + chunk
+        + struct.pack('>I', zlib.crc32(chunk))
+    )
+    with pytest.raises(ConfigurationError, match='expected an image file'):
+        RoverMask.load(str(tmp_path / 'mask.png'))
 
 
 def test_a_missing_or_invalid_image_file_is_refused(tmp_path: Path) -> None:

@@ -10,10 +10,13 @@ from typing import Any
 from rosbags.convert.converter import migrate_bytes
 from rosbags.highlevel import AnyReader
 
+from rover_obstacle_detection.bags.decompression import TooLargeError, bound_rosbags
 from rover_obstacle_detection.bags.source import Entry, Source, choose_typestore
 from rover_obstacle_detection.bags.streamed_mcap import StreamedMcap
 from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.messages.rosbags_factory import ros1_typestore, ros2_typestore
+
+bound_rosbags()
 
 SUFFIXES = ('.mcap', '.db3', '.bag')
 
@@ -103,7 +106,7 @@ def open_sources(path: Path, stack: ExitStack) -> list[Source]:
         try:
             return [RosbagsSource(path, stack)]
         except Exception as error:
-            if not files:
+            if not files or isinstance(error, TooLargeError):
                 raise read_failure(path, error) from error
     if not files:
         raise BagError(
@@ -117,6 +120,8 @@ def read_failure(path: Path, error: Exception | str) -> BagError:
     """Return a one-line error for a recording that cannot be read."""
     if isinstance(error, BagError):
         return error
+    if isinstance(error, TooLargeError):
+        return BagError(f'{path}: {error}')
     if isinstance(error, PermissionError):
         return BagError(f'{path}: cannot be read: {error.strerror}')
     reason = ' '.join(str(error).split()) or type(error).__name__
@@ -134,7 +139,7 @@ def _open_file(path: Path, stack: ExitStack) -> Source:
             raise BagError(f'{path}: is empty (0 bytes): expected a recording')
         return RosbagsSource(path, stack)
     except Exception as error:
-        if path.suffix != '.mcap' or isinstance(error, (BagError, PermissionError)):
+        if path.suffix != '.mcap' or isinstance(error, (BagError, PermissionError, TooLargeError)):
             raise read_failure(path, error) from error
     source = StreamedMcap(path)
     if source.span_ns is None and source.failure:

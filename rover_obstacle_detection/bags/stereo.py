@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from rover_obstacle_detection.bags.extras import Extras
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.errors import BagError, CameraError, ImageError
+from rover_obstacle_detection.errors import BagError, CameraError, ImageError, failure_text
 from rover_obstacle_detection.messages.calibration import StereoCalibration
 from rover_obstacle_detection.messages.header import (
     NANOSECONDS_PER_SECOND,
@@ -24,6 +25,8 @@ from rover_obstacle_detection.messages.header import (
 from rover_obstacle_detection.messages.image import OVERSIZE, decode_any_image
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
+
+_logger = logging.getLogger(__name__)
 
 # Images that wait for their partner; one second at 30 Hz.
 _QUEUE_SIZE = 30
@@ -170,8 +173,12 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
 
     def _read(self) -> Iterator[StereoPair | BadFrame]:
         for topic, log_time_ns, message in self._bag.messages(self._wanted(), *self._window_ns):
-            for frame in self._take(topic, log_time_ns, message):
-                self._extras.hold(frame.stamp_ns, log_time_ns, frame)
+            try:
+                for frame in self._take(topic, log_time_ns, message):
+                    self._extras.hold(frame.stamp_ns, log_time_ns, frame)
+            except Exception as error:
+                bad = self._failure(log_time_ns, topic, error)
+                self._extras.hold(bad.stamp_ns, log_time_ns, bad)
             yield from self._with_extras(log_time_ns)
         for pair in self._pairing.flush():
             for frame in self._take_pair(pair):
@@ -194,10 +201,7 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         elif topic in self._extras.topics:
             self._extras.take(topic, message)
         else:
-            try:
-                self._watch.take(topic, message)
-            except CameraError as error:
-                yield BadFrame(log_time_ns, topic, str(error))
+            self._watch.take(topic, message)
 
     def _take_image(
         self, topic: str, log_time_ns: int, message: Any
@@ -226,8 +230,8 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             right = decode_any_image(pair.right, topic, most_pixels)
             self._check_sizes(left, right)
             left, right = self._watch.rectify(left, right)
-        except (CameraError, ImageError) as error:
-            yield BadFrame(pair.stamp_ns, topic, str(error))
+        except Exception as error:
+            yield self._failure(pair.stamp_ns, topic, error)
             return
         self._decoded_pairs += 1
         frame_id = str(pair.left.header.frame_id)
@@ -239,6 +243,16 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             left_header=make_header(pair.stamp_ns, frame_id, self._factory),
             camera=self._watch.camera,
         )
+
+    def _failure(self, stamp_ns: int, topic: str, error: Exception) -> BadFrame:
+        """Take an error for that of one message or pair; raise it if it concerns all of them."""
+        if isinstance(error, BagError):
+            raise error
+        _logger.debug('%s at %d ns failed', topic, stamp_ns, exc_info=error)
+        reason = failure_text(error)
+        if not isinstance(error, (CameraError, ImageError)):
+            reason = f'{topic}: {reason}'
+        return BadFrame(stamp_ns, topic, reason)
 
     def _check_sizes(self, left: NDArray[Any], right: NDArray[Any]) -> None:
         topics = self._topics

@@ -7,14 +7,15 @@ rosbags library requires.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
+from rover_obstacle_detection.bags.decompression import decompressed_chunk
 from rover_obstacle_detection.bags.source import Entry, choose_typestore
 from rover_obstacle_detection.messages.rosbags_factory import ros2_typestore
 
@@ -87,7 +88,8 @@ class StreamedMcap:
         with self._path.open('rb') as file:
             # A damaged length field must not allocate more memory than the file size.
             limit = self._path.stat().st_size
-            records = StreamReader(file, record_size_limit=limit).records
+            reader = StreamReader(file, emit_chunks=True, record_size_limit=limit)
+            records = _in_chunks(reader.records)
             while True:
                 try:
                     record = next(records, None)
@@ -119,3 +121,12 @@ class StreamedMcap:
                 continue
             known = self._typestore.fielddefs
             self._typestore.register({name: types[name] for name in types.keys() - known.keys()})
+
+
+def _in_chunks(records: Iterable[McapRecord]) -> Iterator[McapRecord]:
+    """Yield records, and instead of each chunk the records in it."""
+    for record in records:
+        if isinstance(record, Chunk):
+            yield from breakup_chunk(decompressed_chunk(record))
+        else:
+            yield record

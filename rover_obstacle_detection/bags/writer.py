@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -13,6 +12,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from rover_obstacle_detection.errors import OutputError
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
+from rover_obstacle_detection.partial_folder import partial_folder
 
 
 class BagWriter:
@@ -32,7 +32,7 @@ class BagWriter:
     Raises
     ------
     OutputError
-        If `path` exists or cannot be written.
+        If `path` exists, cannot be written, or another process writes it.
     """
 
     def __init__(self, path: str | Path, *, compress: bool = True) -> None:
@@ -40,7 +40,8 @@ class BagWriter:
         self.compress = compress
         self.factory = RosbagsFactory()
         self._connections: dict[tuple[str, str], Connection] = {}
-        self._partial: Path | None = None
+        self._stack = ExitStack()
+        self._partial = self.path
         self._writer: Writer | None = None
 
     def __enter__(self) -> BagWriter:
@@ -48,12 +49,11 @@ class BagWriter:
             raise OutputError(f'{self.path}: already exists: expected a new folder')
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._partial = Path(
-                tempfile.mkdtemp(prefix=f'.{self.path.name}-', dir=self.path.parent)
-            )
+            partial = self._stack.enter_context(partial_folder(self.path))
             # rosbags names the files after the folder, so the inner folder has the final name.
+            self._partial = partial / self.path.name
             self._writer = Writer(
-                self._partial / self.path.name,
+                self._partial,
                 version=9,
                 storage_plugin=StoragePlugin.MCAP,
             )
@@ -61,7 +61,7 @@ class BagWriter:
                 self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
         except (OSError, WriterError) as error:
-            self._discard()
+            self._stack.close()
             raise self._failure(error) from error
         return self
 
@@ -101,21 +101,16 @@ class BagWriter:
         traceback: TracebackType | None,
     ) -> None:
         assert self._writer is not None
-        assert self._partial is not None
         try:
             if exc_type is None:
                 self._writer.close()
-                (self._partial / self.path.name).rename(self.path)
+                self._partial.rename(self.path)
             else:
                 self._writer.abort()
         except OSError as error:
             raise self._failure(error) from error
         finally:
-            self._discard()
-
-    def _discard(self) -> None:
-        if self._partial is not None:
-            shutil.rmtree(self._partial, ignore_errors=True)
+            self._stack.close()
 
     def _failure(self, error: Exception) -> OutputError:
         reason = getattr(error, 'strerror', None) or str(error)

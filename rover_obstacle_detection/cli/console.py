@@ -20,6 +20,11 @@ def report_error(message: str) -> None:
     print(f'rover-obstacles: error: {" ".join(message.split())}', file=sys.stderr)
 
 
+def report_interruption(message: str) -> None:
+    """Print on one line of stderr what an interruption has left."""
+    print(f'rover-obstacles: interrupted: {" ".join(message.split())}', file=sys.stderr)
+
+
 @contextlib.contextmanager
 def warnings_on_stderr() -> Iterator[None]:
     """Print the warnings of the package's loggers on stderr, one line each."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import importlib
 import os
 import signal
@@ -14,7 +15,7 @@ from types import FrameType
 
 from rover_obstacle_detection import __version__
 from rover_obstacle_detection.cli.console import report_error, warnings_on_stderr
-from rover_obstacle_detection.errors import ObstacleDetectionError
+from rover_obstacle_detection.errors import ObstacleDetectionError, failure_text
 
 COMMAND_MODULES = (
     'rover_obstacle_detection.cli.replay_command',
@@ -28,6 +29,15 @@ COMMAND_MODULES = (
 FAILED = 1
 INTERRUPTED = 130
 TERMINATED = 143
+
+# What the loader says of a library, and Python of a thread, that there is no memory for.
+_LACKS_OF_MEMORY = (
+    'failed to map segment',
+    'cannot allocate memory',
+    'Cannot allocate memory',
+    "can't start new thread",
+    'Insufficient memory',
+)
 
 DESCRIPTION = """\
 Detect rocks, steep slopes and hollows in stereo images of planetary terrain.
@@ -67,6 +77,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     SystemExit
         Status 2 on a usage error, 0 after ``--help`` and ``--version``, 143 on SIGTERM.
     """
+    try:
+        return _run(argv)
+    except ObstacleDetectionError as error:
+        report_error(str(error))
+        return FAILED
+    except BrokenPipeError:
+        # The reader of stdout has closed the pipe. The results are already written.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print('rover-obstacles: interrupted', file=sys.stderr)
+        return INTERRUPTED
+    except Exception as error:
+        if lack := lack_of_memory(error):
+            report_error(f'out of memory: {lack}')
+        elif isinstance(error, OSError):
+            report_error(str(error))
+        else:
+            raise
+        return FAILED
+
+
+def _run(argv: Sequence[str] | None) -> int:
     parser = make_parser()
     arguments = parser.parse_args(argv)
     try:
@@ -75,19 +108,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     except argparse.ArgumentTypeError as error:
         # Arguments that are valid one by one but not together.
         parser.error(str(error))
-    except ObstacleDetectionError as error:
-        report_error(str(error))
-        return FAILED
-    except BrokenPipeError:
-        # The reader of stdout has closed the pipe. The results are already written.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except OSError as error:
-        report_error(str(error))
-        return FAILED
-    except KeyboardInterrupt:
-        print('rover-obstacles: interrupted', file=sys.stderr)
-        return INTERRUPTED
+
+
+def lack_of_memory(error: BaseException) -> str:
+    """Return which allocation has failed, if that is what an error says; otherwise ''."""
+    while error.__cause__ is not None and not isinstance(error, MemoryError):
+        error = error.__cause__
+    text = failure_text(error)
+    is_lack = (
+        isinstance(error, MemoryError)
+        or getattr(error, 'errno', None) == errno.ENOMEM
+        # OpenCV's StsNoMem.
+        or (type(error).__module__ == 'cv2' and getattr(error, 'code', None) == -4)
+        or any(each in text for each in _LACKS_OF_MEMORY)
+    )
+    return text if is_lack else ''
 
 
 @contextlib.contextmanager

@@ -18,7 +18,13 @@ from rover_obstacle_detection.cli.arguments import (
     positive_int,
     positive_number,
 )
-from rover_obstacle_detection.cli.console import progress_bars, report_error
+from rover_obstacle_detection.cli.console import (
+    progress_bars,
+    report_error,
+    report_interruption,
+)
+from rover_obstacle_detection.cli.interruption import Interruption
+from rover_obstacle_detection.errors import NothingDoneError
 
 if TYPE_CHECKING:
     from rover_obstacle_detection.offline.replay import ReplayOptions
@@ -113,15 +119,19 @@ def run(arguments: argparse.Namespace) -> int:
     check_output_folder(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
     summaries: dict[int, ReplaySummary] = {}
+    stopped = Interruption()
     with (
+        stopped,
         folder_if_filled(jobs[0].output.resolve().parent),
         progress_bars([job.output.name for job in jobs], 'pairs') as on_progress,
     ):
-        results = replay_jobs(jobs, options, arguments.workers, on_progress)
+        results = replay_jobs(jobs, options, arguments.workers, on_progress, stopped)
         with contextlib.closing(results):
             for index, result in results:
                 if isinstance(result, ReplaySummary):
                     summaries[index] = result
+                elif isinstance(result, NothingDoneError):
+                    report_interruption(str(result))
                 else:
                     report_error(str(result))
     if summaries:
@@ -129,6 +139,12 @@ def run(arguments: argparse.Namespace) -> int:
         console.print(replay_table([summaries[index] for index in sorted(summaries)]))
         for index in sorted(summaries):
             _print_paths(jobs[index].output, arguments.images)
+    for index, summary in sorted(summaries.items()):
+        if summary.interrupted:
+            kept = f'{len(summary.frames)} of about {summary.expected} pairs of {summary.bag}'
+            report_interruption(f'{kept} are kept in {jobs[index].output}')
+    if stopped():
+        return stopped.status
     return 0 if len(summaries) == len(jobs) else 1
 
 

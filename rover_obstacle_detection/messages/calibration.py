@@ -7,11 +7,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from rover_obstacle_detection.detection.geometry.camera import RegionOfInterest, StereoCamera
 from rover_obstacle_detection.errors import CameraError
+from rover_obstacle_detection.yaml_file import read_yaml
 
 _PINHOLE = 'pinhole'
 
@@ -112,16 +110,7 @@ def load_camera_info(path: str | Path) -> CameraInfo:
         Naming the file and the missing or invalid key.
     """
     path = Path(path)
-    try:
-        content = YAML(typ='safe').load(path.read_text(encoding='utf-8'))
-    except FileNotFoundError:
-        msg = f'{path}: no such calibration file'
-        raise CameraError(msg) from None
-    except OSError as error:
-        msg = f'{path}: cannot be read: {error.strerror}'
-        raise CameraError(msg) from None
-    except (YAMLError, UnicodeDecodeError):
-        content = None
+    content = read_yaml(path, 'calibration file', CameraError)
     if not isinstance(content, dict):
         msg = f'{path}: is not a ROS camera calibration file (YAML with image_width, ...)'
         raise CameraError(msg)

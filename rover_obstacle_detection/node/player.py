@@ -31,7 +31,7 @@ class PlayOptions:
     rate : float
         Recorded seconds per second of playback.
     loop : bool
-        Restart at the end, with the same stamps.
+        Restart at the end, with the same stamps; a round takes at least 0.1 s.
     clock_hz : float
         Messages on /clock per second; 0 for none.
     start_s : float
@@ -207,6 +207,8 @@ class Player:
                 continue
             self._publishers[topic].publish(bytes(data))
             self._published += 1
+        if self._options.loop:
+            return not self._wait_until(started_s + timeline.round_s(self._end_ns))
         return not self._wait_until(started_s + timeline.due_s(self._end_ns))
 
     def _wait_until(self, moment_s: float) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+MIN_ROUND_S = 0.1
+
 
 @dataclass(frozen=True)
 class Timeline:
@@ -26,6 +28,13 @@ class Timeline:
     def due_s(self, recorded_ns: int) -> float:
         """Return when to publish a message (s after the start)."""
         return (recorded_ns - self.start_ns) / 1e9 / self.rate
+
+    def round_s(self, end_ns: int) -> float:
+        """Return how long a round up to ``end_ns`` takes in a loop: `MIN_ROUND_S` or more.
+
+        A recording of one pair would be repeated without a pause.
+        """
+        return max(self.due_s(end_ns), MIN_ROUND_S)
 
     def recorded_ns(self, elapsed_s: float) -> int:
         """Return the recorded time after ``elapsed_s`` of playback."""

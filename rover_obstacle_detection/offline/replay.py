@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,16 @@ from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.errors import BagError, ImageError, UnjudgeablePairError
+from rover_obstacle_detection.errors import (
+    BagError,
+    ConfigurationError,
+    ImageError,
+    ModelError,
+    NothingDoneError,
+    OutputError,
+    UnjudgeablePairError,
+    failure_text,
+)
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.offline.output_file import atomic_write_json
@@ -33,8 +43,13 @@ from rover_obstacle_detection.pairing import PairingStatistics, shows_one_moment
 from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_images import detect_unswapped
 
+_logger = logging.getLogger(__name__)
+
 OnProgress = Callable[[int, int], None]
 """Called with the number of pairs done and expected."""
+
+Stopped = Callable[[], bool]
+"""Asked after each pair whether to end there."""
 
 WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points')
 OUTPUT_FILES = (
@@ -86,16 +101,27 @@ class ReplayOptions:
     force: bool = False
 
 
+def never_stopped() -> bool:
+    """Return False, for a replay to the end."""
+    return False
+
+
 def replay_bag(
-    path: Path, output: Path, options: ReplayOptions, on_progress: OnProgress
+    path: Path,
+    output: Path,
+    options: ReplayOptions,
+    on_progress: OnProgress,
+    stopped: Stopped = never_stopped,
 ) -> ReplaySummary:
     """Run the detector on a recording and write the results.
 
     `output` is written atomically: ``detections`` (rosbag2, mcap), ``summary.json`` and
-    optionally ``images``.
+    optionally ``images``. If `stopped`, it holds the pairs until then.
 
     Raises
     ------
+    NothingDoneError
+        If it is stopped before a pair could be used.
     ObstacleDetectionError
         If the recording cannot be read, lacks topics or has no usable pair.
     """
@@ -116,12 +142,15 @@ def replay_bag(
             every=options.every,
         )
         with output_folder(output, force=options.force, replaces=OUTPUT_FILES) as folder:
-            run = _Run(topics, folder, options)
+            run = _Run(topics, folder, options, _expected_pairs(bag, topics, options))
             with BagWriter(folder / 'detections', compress=False) as writer:
-                expected = _expected_pairs(bag, topics, options)
-                for done, pair in enumerate(run.timed(pairs), start=1):
-                    run.process(pair, writer)
-                    on_progress(done, max(done, expected))
+                for pair in run.timed(pairs):
+                    if not stopped():
+                        run.process(pair, writer)
+                        on_progress(run.done, max(run.done, run.expected))
+                    if stopped():
+                        run.interrupted = True
+                        break
                 summary = run.summary(bag, pairs)
             atomic_write_json(folder / 'summary.json', summary.as_json())
     return summary
@@ -130,7 +159,11 @@ def replay_bag(
 class _Run:
     """The state of one replay: the detector and the results so far."""
 
-    def __init__(self, topics: StereoTopics, folder: Path, options: ReplayOptions) -> None:
+    def __init__(
+        self, topics: StereoTopics, folder: Path, options: ReplayOptions, expected: int
+    ) -> None:
+        self.expected = expected
+        self.interrupted = False
         self._topics = topics
         self._folder = folder
         self._options = options
@@ -139,6 +172,11 @@ class _Run:
         self._cameras: list[StereoCamera] = []
         self._frames: list[ReplayFrame] = []
         self._bad_frames: list[BadFrame] = []
+
+    @property
+    def done(self) -> int:
+        """Number of pairs and bad messages so far."""
+        return len(self._frames) + len(self._bad_frames)
 
     def timed(self, pairs: StereoPairs) -> Iterator[StereoPair | BadFrame]:
         """Pass the pairs on, timing how long each takes to read."""
@@ -149,45 +187,67 @@ class _Run:
             self._stopwatch.take_ms()
 
     def process(self, pair: StereoPair | BadFrame, writer: BagWriter) -> None:
-        """Detect obstacles in one pair and write the result."""
+        """Detect obstacles in one pair and write the result; keep why a pair is bad."""
         if isinstance(pair, BadFrame):
             self._bad_frames.append(pair)
             return
-        lap = self._stopwatch.lap
         try:
-            detection = detect_unswapped(
-                self._detector_of(pair.camera),
-                pair.left,
-                pair.right,
-                self._topics.left_image,
-                self._topics.right_image,
-                on_stage=lap,
-            )
-        except (ImageError, UnjudgeablePairError) as error:
-            # Nothing is written for it: a mask would call its pixels free.
-            unjudgeable = isinstance(error, UnjudgeablePairError)
-            topic = self._topics.left_image
-            self._bad_frames.append(BadFrame(pair.stamp_ns, topic, str(error), unjudgeable))
-            return
-        for name in WRITTEN_OUTPUTS:
-            output = OUTPUTS[name]
-            message = output.encode(detection, pair.left_header, writer.factory)
-            topic = f'{self._topics.namespace}/{name}'
-            writer.add(topic, output.type_name, message, pair.stamp_ns)
+            self._detect_and_write(pair, writer)
+        except (OSError, OutputError):
+            raise
+        except Exception as error:
+            if isinstance(error, (ConfigurationError, ModelError)) and not self._frames:
+                raise
+            self._take_failure(pair, error)
+
+    def _detect_and_write(self, pair: StereoPair, writer: BagWriter) -> None:
+        lap = self._stopwatch.lap
+        detection = detect_unswapped(
+            self._detector_of(pair.camera),
+            pair.left,
+            pair.right,
+            self._topics.left_image,
+            self._topics.right_image,
+            on_stage=lap,
+        )
+        # All messages before the first is written: a frame is in the bag as a whole or not at all.
+        messages = [
+            (name, OUTPUTS[name].encode(detection, pair.left_header, writer.factory))
+            for name in WRITTEN_OUTPUTS
+        ]
         summary = FrameSummary.of(detection)
         lap(WRITE_BAG)
         number = len(self._frames) + 1
         if self._options.images:
-            write_pictures(detection, pair.left, self._folder / 'images', f'{number:06d}_')
+            write_pictures(detection, pair.left, self._folder / 'images', _prefix(number))
             lap(WRITE_IMAGES)
+        for name, message in messages:
+            topic = f'{self._topics.namespace}/{name}'
+            writer.add(topic, OUTPUTS[name].type_name, message, pair.stamp_ns)
+        lap(WRITE_BAG)
         taken_ms = self._stopwatch.take_ms()
         self._frames.append(
             ReplayFrame(number, pair.stamp_ns, summary, taken_ms, detection.warnings)
         )
 
+    def _take_failure(self, pair: StereoPair, error: Exception) -> None:
+        # Nothing is written for it: a mask would call its pixels free.
+        for picture in (self._folder / 'images').glob(f'{_prefix(len(self._frames) + 1)}*'):
+            picture.unlink()
+        _logger.debug('pair at %d ns failed', pair.stamp_ns, exc_info=error)
+        reason = failure_text(error)
+        if not isinstance(error, (ImageError, UnjudgeablePairError)):
+            reason = f'{self._topics.left_image}, {self._topics.right_image}: {reason}'
+        unjudgeable = isinstance(error, UnjudgeablePairError)
+        self._bad_frames.append(
+            BadFrame(pair.stamp_ns, self._topics.left_image, reason, unjudgeable)
+        )
+
     def summary(self, bag: BagReader, pairs: StereoPairs) -> ReplaySummary:
         """Return the summary, or raise an error if no pair could be used."""
         statistics = pairs.statistics
+        if not self._frames and self.interrupted:
+            raise NothingDoneError(f'no usable pair of {bag.path} so far: nothing is kept')
         if not self._frames:
             raise BagError(_nothing_usable(bag.path, self._topics, statistics, self._bad_frames))
         return ReplaySummary(
@@ -199,6 +259,8 @@ class _Run:
             statistics=statistics,
             frames=tuple(self._frames),
             bad_frames=tuple(self._bad_frames),
+            expected=self.expected,
+            interrupted=self.interrupted,
         )
 
     def _detector_of(self, camera: StereoCamera) -> Detector:
@@ -211,6 +273,10 @@ class _Run:
         return self._detector
 
 
+def _prefix(number: int) -> str:
+    return f'{number:06d}_'
+
+
 def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions) -> int:
     """Estimate the number of pairs from the message counts, for the progress bar."""
     images = min(bag.message_count(topics.left_image), bag.message_count(topics.right_image))
@@ -218,7 +284,7 @@ def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions
     wanted_s = max(length_s - options.start_s, 0.0)
     if options.duration_s is not None:
         wanted_s = min(wanted_s, options.duration_s)
-    return math.ceil(images * wanted_s / length_s / options.every)
+    return math.ceil(images * (wanted_s / length_s) / options.every)
 
 
 def _nothing_usable(

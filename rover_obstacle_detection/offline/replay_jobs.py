@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import queue
 import signal
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 
 from rover_obstacle_detection.bags.reader import bag_name
-from rover_obstacle_detection.errors import ObstacleDetectionError, OutputError
-from rover_obstacle_detection.offline.replay import ReplayOptions, replay_bag
+from rover_obstacle_detection.errors import (
+    NothingDoneError,
+    ObstacleDetectionError,
+    OutputError,
+)
+from rover_obstacle_detection.offline.replay import (
+    ReplayOptions,
+    Stopped,
+    never_stopped,
+    replay_bag,
+)
 from rover_obstacle_detection.offline.summary import ReplaySummary
 
 OnJobProgress = Callable[[int, int, int], None]
@@ -26,6 +36,8 @@ OnJobProgress = Callable[[int, int, int], None]
 Result = tuple[int, ReplaySummary | ObstacleDetectionError]
 
 _POLL_S = 0.1  # how often progress is passed on
+
+_SIGNALS = {signal.SIGINT, signal.SIGTERM}
 
 
 @dataclass(frozen=True)
@@ -61,8 +73,11 @@ def replay_jobs(
     options: ReplayOptions,
     workers: int,
     on_progress: OnJobProgress,
+    stopped: Stopped = never_stopped,
 ) -> Generator[Result, None, None]:
     """Replay every recording; if one fails, the others are still replayed.
+
+    If `stopped`, those that have begun end after their current pair, and no other begins.
 
     Parameters
     ----------
@@ -71,6 +86,7 @@ def replay_jobs(
     workers : int
         Number of parallel processes.
     on_progress : callable
+    stopped : callable, optional
 
     Yields
     ------
@@ -79,17 +95,22 @@ def replay_jobs(
     """
     workers = min(workers, len(jobs))
     if workers > 1:
-        yield from _in_processes(jobs, options, workers, on_progress)
+        yield from _in_processes(jobs, options, workers, on_progress, stopped)
         return
     for index, job in enumerate(jobs):
-        yield index, _replay(job, options, _for_job(on_progress, index))
+        yield index, _replay(job, options, _for_job(on_progress, index), stopped)
 
 
 def _replay(
-    job: ReplayJob, options: ReplayOptions, on_progress: Callable[[int, int], None]
+    job: ReplayJob,
+    options: ReplayOptions,
+    on_progress: Callable[[int, int], None],
+    stopped: Stopped,
 ) -> ReplaySummary | ObstacleDetectionError:
+    if stopped():
+        return NothingDoneError(f'{job.bag} is not begun')
     try:
-        return replay_bag(job.bag, job.output, options, on_progress)
+        return replay_bag(job.bag, job.output, options, on_progress, stopped)
     except ObstacleDetectionError as error:
         return error
 
@@ -103,29 +124,43 @@ def _in_processes(
     options: ReplayOptions,
     workers: int,
     on_progress: OnJobProgress,
+    stopped: Stopped,
 ) -> Generator[Result, None, None]:
     # OpenCV's thread pool does not survive a fork.
     context = multiprocessing.get_context('spawn')
-    progress, stop = context.Queue(), context.Event()
+    progress, stop, abort = context.Queue(), context.Event(), context.Event()
     threads = max(1, (os.cpu_count() or 1) // workers)
-    pool = ProcessPoolExecutor(workers, context, _start_worker, (progress, stop, threads))
+    pool = ProcessPoolExecutor(workers, context, _start_worker, (progress, stop, abort, threads))
     try:
-        indices = {
-            pool.submit(_work, index, job, options): index for index, job in enumerate(jobs)
-        }
+        with _signals_blocked():
+            indices = {
+                pool.submit(_work, index, job, options): index for index, job in enumerate(jobs)
+            }
         pending: set[Future[ReplaySummary | ObstacleDetectionError]] = set(indices)
         while pending:
             done, pending = wait(pending, timeout=_POLL_S, return_when=FIRST_COMPLETED)
             _pass_on(progress, on_progress)
+            if stopped():
+                stop.set()
             for future in done:
                 index = indices[future]
                 yield index, _result(future, jobs[index])
     finally:
-        # Running workers stop and clean up at their next frame.
-        stop.set()
+        # Workers that still run clean up after their current frame.
+        abort.set()
         pool.shutdown(wait=True, cancel_futures=True)
         progress.cancel_join_thread()
         progress.close()
+
+
+@contextlib.contextmanager
+def _signals_blocked() -> Iterator[None]:
+    """Delay signals; processes that start meanwhile do so until they unblock them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _result(
@@ -147,28 +182,38 @@ def _pass_on(progress: Any, on_progress: OnJobProgress) -> None:
             return
 
 
-_worker: tuple[Any, Any] | None = None
+class _Worker(NamedTuple):
+    """What a worker process shares with the main process."""
+
+    progress: Any
+    stop: Any
+    abort: Any
 
 
-def _start_worker(progress: Any, stop: Any, threads: int) -> None:
+_worker: _Worker | None = None
+
+
+def _start_worker(progress: Any, stop: Any, abort: Any, threads: int) -> None:
     global _worker
-    # Ctrl-C reaches every process, but the main process decides when workers stop.
+    # Signals may reach every process, but the main process decides when workers stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, frame: stop.set())
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     cv2.setNumThreads(threads)
     # An interrupted main process no longer reads the queue; exiting must not wait for it.
     progress.cancel_join_thread()
-    _worker = (progress, stop)
+    _worker = _Worker(progress, stop, abort)
 
 
 def _work(
     index: int, job: ReplayJob, options: ReplayOptions
 ) -> ReplaySummary | ObstacleDetectionError:
     assert _worker is not None
-    progress, stop = _worker
+    worker = _worker
 
     def on_progress(done: int, expected: int) -> None:
-        if stop.is_set():
+        if worker.abort.is_set():
             raise KeyboardInterrupt
-        progress.put((index, done, expected))
+        worker.progress.put((index, done, expected))
 
-    return _replay(job, options, on_progress)
+    return _replay(job, options, on_progress, worker.stop.is_set)

@@ -133,7 +133,11 @@ class ReplayFrame:
 
 @dataclass(frozen=True)
 class ReplaySummary:
-    """The replay of one recording; `notes` describe damage to a salvaged recording."""
+    """The replay of one recording.
+
+    `notes` describe damage to a salvaged recording. `expected` is the number of pairs by the
+    message counts; `interrupted` says whether some of them may be missing.
+    """
 
     bag: str
     notes: tuple[str, ...]
@@ -143,6 +147,13 @@ class ReplaySummary:
     statistics: PairingStatistics
     frames: tuple[ReplayFrame, ...]
     bad_frames: tuple[BadFrame, ...]
+    expected: int
+    interrupted: bool
+
+    @property
+    def done(self) -> int:
+        """Number of pairs and bad messages that have been dealt with."""
+        return len(self.frames) + len(self.bad_frames)
 
     @property
     def unjudgeable(self) -> int:
@@ -172,12 +183,15 @@ class ReplaySummary:
             **preamble('replay', self.config),
             'bag': self.bag,
             'notes': list(self.notes),
+            'interrupted': self.interrupted,
             'topics': dataclasses.asdict(self.topics),
             'cameras': [dataclasses.asdict(camera) for camera in self.cameras],
             'counts': {
                 'left_images': statistics.left,
                 'right_images': statistics.right,
                 'pairs': statistics.pairs,
+                'done': self.done,
+                'expected': self.expected,
                 'detected': len(self.frames),
                 'bad': len(self.bad_frames),
                 'unjudgeable': self.unjudgeable,

@@ -103,10 +103,13 @@ def _counts(summary: ReplaySummary) -> list[_Row]:
     unmatched = f'{statistics.unmatched_left} left, {statistics.unmatched_right} right'
     if statistics.unmatched_left and statistics.smallest_gap_ns:
         unmatched += f'; smallest stamp gap {statistics.smallest_gap_ns / 1e6:.3f} ms'
+    processed = f'{len(summary.frames)} processed'
+    if summary.interrupted:
+        processed = f'{len(summary.frames)} of about {summary.expected}, interrupted'
     return [
         _Row('left images', str(statistics.left), summary.topics.left_image),
         _Row('right images', str(statistics.right), summary.topics.right_image),
-        _Row('pairs', str(statistics.pairs), f'{len(summary.frames)} processed'),
+        _Row('pairs', str(statistics.pairs), processed),
         _Row('unmatched', str(statistics.unmatched_left + statistics.unmatched_right), unmatched),
         _Row('bad frames', str(bad), 'skipped, see below' if bad else ''),
         _Row('of these unjudgeable', str(summary.unjudgeable), ''),

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import logging
 
 import numpy as np
@@ -22,6 +23,8 @@ from recordings import (
     write_ros2,
 )
 
+from rover_obstacle_detection.bags import stereo
+from rover_obstacle_detection.bags.calibration_watch import CalibrationWatch
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, read_pairs
 from rover_obstacle_detection.errors import BagError, CameraError
@@ -166,6 +169,27 @@ def test_an_undecodable_message_is_a_bad_frame(tmp_path):
     assert [type(frame) for frame in frames] == [StereoPair, BadFrame, StereoPair]
     assert frames[1].topic == RIGHT
     assert frames[1].reason.startswith(f'{RIGHT}: sensor_msgs/msg/Image cannot be decoded')
+    assert pairs.bad_frames == 1
+
+
+@pytest.mark.parametrize('name', ['decode_any_image', 'rectify', 'take'])
+def test_any_failure_with_one_message_is_a_bad_frame(tmp_path, monkeypatch, name):
+    owner = stereo if name == 'decode_any_image' else CalibrationWatch
+    works = getattr(owner, name)
+    calls = itertools.count()
+
+    def fail_at_the_fourth(*arguments):
+        if next(calls) == 3:
+            raise ValueError('cannot reshape\nan array')
+        return works(*arguments)
+
+    monkeypatch.setattr(owner, name, fail_at_the_fourth)
+    frames, pairs = read(write(tmp_path, stereo_messages(5)))
+    good = 5 if name == 'take' else 4
+    assert [type(frame) for frame in frames].count(StereoPair) == good
+    (bad,) = (frame for frame in frames if isinstance(frame, BadFrame))
+    assert bad.reason.endswith(': ValueError: cannot reshape an array')
+    assert bad.reason.startswith('/stereo/')
     assert pairs.bad_frames == 1
 
 

@@ -119,3 +119,24 @@ def test_a_full_disk_is_reported_and_leaves_nothing_behind(tmp_path, monkeypatch
     with pytest.raises(OutputError, match='cannot be written: No space left on device'):
         fill_up()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path, caplog):
+    left = tmp_path / '.detections.partial' / 'detections'
+    left.mkdir(parents=True)
+    (left / 'detections.mcap').write_bytes(b'cut short')
+    with BagWriter(tmp_path / 'detections'):
+        pass
+    assert '.detections.partial is left over from a run that was killed' in caplog.text
+    assert [path.name for path in tmp_path.iterdir()] == ['detections']
+
+
+def test_two_processes_do_not_write_the_same_recording(tmp_path):
+    target = tmp_path / 'detections'
+    with (
+        BagWriter(target),
+        pytest.raises(OutputError, match=f'another run is writing to {target}'),
+        BagWriter(target),
+    ):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ['detections']

@@ -1,8 +1,11 @@
 import os
 import pty
+import signal
 import subprocess
 import sys
 
+import cv2
+import numpy as np
 import pytest
 
 from rover_obstacle_detection import __version__
@@ -107,6 +110,97 @@ def test_a_known_error_prints_one_line_and_exits_with_1(error, line, monkeypatch
     _command_that(_raise(error), monkeypatch)
     assert cli.main(['act']) == 1
     assert capsys.readouterr().err == line
+
+
+def _no_memory_for_an_image():
+    error = cv2.error('Failed to allocate 3145728 bytes')
+    error.code = -4
+    return error
+
+
+def _no_memory_for_a_library():
+    error = ImportError('IMPORTANT: PLEASE READ THIS\n\nfor advice\n\non how to solve this')
+    error.__cause__ = ImportError('libopenblas.so: failed to map segment from shared object')
+    return error
+
+
+@pytest.mark.parametrize(
+    ('error', 'reason'),
+    [
+        (MemoryError(), 'MemoryError'),
+        (_no_memory_for_an_image(), 'cv2.error: Failed to allocate 3145728 bytes'),
+        (
+            _no_memory_for_a_library(),
+            'ImportError: libopenblas.so: failed to map segment from shared object',
+        ),
+        (RuntimeError("can't start new thread"), "RuntimeError: can't start new thread"),
+        (OSError(12, 'Cannot allocate memory'), 'OSError: [Errno 12] Cannot allocate memory'),
+    ],
+)
+def test_a_lack_of_memory_prints_one_line(error, reason, monkeypatch, capsys):
+    _command_that(_raise(error), monkeypatch)
+    assert cli.main(['act']) == 1
+    assert capsys.readouterr().err == f'rover-obstacles: error: out of memory: {reason}\n'
+
+
+def test_an_allocation_that_fails_prints_one_line(monkeypatch, capsys):
+    _command_that(lambda: np.empty(10**15), monkeypatch)
+    assert cli.main(['act']) == 1
+    error = capsys.readouterr().err
+    assert error.startswith('rover-obstacles: error: out of memory: numpy.')
+    assert error.count('\n') == 1
+
+
+def test_other_errors_of_opencv_keep_their_traceback(monkeypatch):
+    _command_that(_raise(cv2.error('assertion failed')), monkeypatch)
+    with pytest.raises(cv2.error):
+        cli.main(['act'])
+
+
+# Interrupts itself at the given one of all imports.
+INTERRUPTED = """
+import os, signal, sys
+from rover_obstacle_detection import program
+
+name, left, *sys.argv[1:] = sys.argv[1:]
+left = int(left)
+
+def interrupt(event, arguments):
+    global left
+    if event == 'import':
+        left -= 1
+        if left < 0:
+            left = 10**9
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.addaudithook(interrupt)
+sys.exit(getattr(program, name)())
+"""
+
+
+@pytest.mark.parametrize('number', [0, 1, 5, 20, 50, 100, 150, 200, 300])
+def test_an_interrupt_while_importing_is_at_most_one_line(number, tmp_path):
+    command = ['replay', str(tmp_path), '-o', str(tmp_path / 'out')]
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED, 'rover_obstacles', str(number), *command],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    # Python ends some interrupted processes by the signal itself; a shell shows 130 either way.
+    assert done.returncode in (130, -signal.SIGINT)
+    assert done.stderr in ('', 'rover-obstacles: interrupted\n')
+
+
+@pytest.mark.parametrize('number', [0, 1, 5, 10, 20])
+def test_an_interrupt_while_the_node_is_imported_is_silent(number):
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED, 'obstacle_detector', str(number)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (130, '')
 
 
 def test_an_interrupt_exits_with_130(monkeypatch, capsys):

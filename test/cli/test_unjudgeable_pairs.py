@@ -17,14 +17,14 @@ from rosbags.highlevel import AnyReader
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.errors import UnjudgeablePairError
+from rover_obstacle_detection.errors import CameraError, UnjudgeablePairError
 from rover_obstacle_detection.offline import detect_pair, replay
 
 PERIOD_NS = 100_000_000
 REASON = 'the right image does not belong to the left one: 2 % of the textured pixels match'
 PITCH = 'camera_pitch is 0 but the ground says {} degrees'
 
-Outcome = str | tuple[str, ...]
+Outcome = str | tuple[str, ...] | Exception
 
 
 @pytest.fixture
@@ -37,6 +37,8 @@ def outcomes(monkeypatch: pytest.MonkeyPatch) -> Callable[[list[Outcome]], None]
         class Stub(Detector):
             def detect(self, *images: Any, **options: Any) -> Detection:
                 outcome = next(remaining)
+                if isinstance(outcome, Exception):
+                    raise outcome
                 if isinstance(outcome, str):
                     raise UnjudgeablePairError(outcome)
                 return dataclasses.replace(super().detect(*images, **options), warnings=outcome)
@@ -111,6 +113,86 @@ def test_recording_without_a_judgeable_pair_is_refused_with_the_reason(
     assert 'no usable pair' in error
     assert REASON in error
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize(
+    ('error', 'reason'),
+    [
+        (cv2.error('OpenCV: resize failed'), 'cv2.error: OpenCV: resize failed'),
+        (ValueError('cannot reshape\n an array'), 'ValueError: cannot reshape an array'),
+        (MemoryError(), 'MemoryError'),
+        (CameraError('images are 12 x 12 pixels'), 'images are 12 x 12 pixels'),
+    ],
+)
+def test_any_failure_with_one_pair_is_that_of_the_pair(
+    error: Exception,
+    reason: str,
+    bag: Path,
+    outcomes: Any,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    outcomes([(), error, (), ()])
+
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out')]) == 0
+
+    summary = summary_of(tmp_path / 'out')
+    stamps = [frame['stamp_ns'] for frame in summary['frames']]
+    assert stamps == [FIRST_STAMP_NS + index * PERIOD_NS for index in (0, 2, 3)]
+    (bad,) = summary['bad_frames']
+    assert bad['stamp_ns'] == FIRST_STAMP_NS + PERIOD_NS
+    assert bad['reason'] == f'/cam/left/image_rect, /cam/right/image_rect: {reason}'
+    assert bad['unjudgeable'] is False
+    captured = capsys.readouterr()
+    assert bad['reason'] in ' '.join(captured.out.split())
+    assert captured.err == ''
+
+
+def test_pictures_of_a_pair_that_fails_are_removed(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    written = replay.write_pictures
+    calls = iter(range(4))
+
+    def fail_at_the_last(*arguments: Any) -> None:
+        written(*arguments)
+        if next(calls) == 3:
+            raise cv2.error('no more')
+
+    monkeypatch.setattr(replay, 'write_pictures', fail_at_the_last)
+
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), '--images']) == 0
+
+    assert summary_of(tmp_path / 'out')['counts']['bad'] == 1
+    assert len(list((tmp_path / 'out' / 'images').glob('*_overlay.png'))) == 3
+    with AnyReader([tmp_path / 'out' / 'detections']) as reader:
+        stamps = {time_ns for _, time_ns, _ in reader.messages()}
+    assert stamps == {FIRST_STAMP_NS + index * PERIOD_NS for index in range(3)}
+
+
+def test_the_traceback_of_a_failure_is_logged_for_debugging(
+    bag: Path, outcomes: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    outcomes([(), ValueError('unforeseen'), (), ()])
+
+    with caplog.at_level('DEBUG', 'rover_obstacle_detection'):
+        assert main(['replay', str(bag), '-o', str(tmp_path / 'out')]) == 0
+
+    assert f'pair at {FIRST_STAMP_NS + PERIOD_NS} ns failed' in caplog.text
+    assert 'Traceback' in caplog.text
+
+
+def test_a_recording_where_every_pair_fails_is_refused_on_one_line(
+    bag: Path, outcomes: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outcomes([ValueError('unforeseen')] * 4)
+
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out')]) == 1
+
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1
+    assert '4 bad: /cam/left/image_rect, /cam/right/image_rect: ValueError: unforeseen' in error
+    assert list(tmp_path.iterdir()) == []
 
 
 def detect(folder: Path, *, swapped: bool = False) -> int:

@@ -64,7 +64,7 @@ def test_two_files_give_a_stereo_camera(files):
         ('[400, 0, 310', '[.nan, 0, 310', 'not finite'),
         ('camera_name: left', 'camera_model: fisheye', "camera_model is 'fisheye': expected pin"),
         (LEFT, 'just a line', 'is not a ROS camera calibration file'),
-        (LEFT, '%YAML:1.0\nM: !!opencv-matrix\n', 'is not a ROS camera calibration file'),
+        (LEFT, '%YAML:1.0\nM: !!opencv-matrix\n', 'is not valid YAML'),
         (LEFT, '', 'is not a ROS camera calibration file'),
     ],
 )

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_obstacle_detection.node.timeline import Timeline
+from rover_obstacle_detection.node.timeline import MIN_ROUND_S, Timeline
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -27,6 +27,14 @@ def test_clock_ticks_evenly_with_recorded_time() -> None:
         200_000_000,
         400_000_000,
     ]
+
+
+def test_a_round_of_a_loop_takes_as_long_as_the_recording_but_not_no_time() -> None:
+    timeline = Timeline(START_NS, rate=2.0)
+
+    assert timeline.round_s(START_NS + 6_000_000_000) == pytest.approx(3.0)
+    for end_ns in (START_NS + 1, START_NS, 0):
+        assert timeline.round_s(end_ns) == MIN_ROUND_S == 0.1
 
 
 def test_no_clock_message_without_a_clock_rate() -> None:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -125,18 +126,29 @@ def write_ros2(path, messages, storage='mcap', compression=None):
     return path
 
 
-def write_ros1(path, messages):
+def write_ros1(path, messages, compression=None):
     """Write a rosbag1 file; return it."""
-    with Writer1(path) as writer:
+    writer = Writer1(path)
+    if compression:
+        writer.set_compression(compression)
+    with writer:
         _write(writer, messages, ros1_typestore(), 'serialize_ros1')
     return path
 
 
-def write_mcap(path, messages, *, with_types=True, chunk_size=1 << 20, profile='ros2'):
+def write_mcap(
+    path,
+    messages,
+    *,
+    with_types=True,
+    chunk_size=1 << 20,
+    profile='ros2',
+    compression=CompressionType.ZSTD,
+):
     """Write a bare mcap file with the mcap package; return it."""
     typestore = ros2_typestore()
     with path.open('wb') as file:
-        writer = McapWriter(file, chunk_size=chunk_size)
+        writer = McapWriter(file, chunk_size=chunk_size, compression=compression)
         writer.start(profile)
         channels = {}
         for topic, type_name, message, time_ns in messages:

@@ -1,0 +1,104 @@
+"""Recordings that decompress to more than they should."""
+
+from __future__ import annotations
+
+import bz2
+
+import lz4.frame
+import pytest
+from mcap.writer import CompressionType
+from recordings import ROS1, ROS2, WRITERS, stereo_messages, write_mcap, write_ros1
+from rosbags.rosbag1 import Writer as Writer1
+
+from rover_obstacle_detection.bags import decompression
+from rover_obstacle_detection.bags.decompression import (
+    TooLargeError,
+    decompress_bz2,
+    decompress_lz4,
+    decompress_zstd,
+)
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.errors import BagError
+
+COMPRESSED = {
+    **{name: write for name, write in WRITERS.items() if 'zstd' in name or name == 'mcap file'},
+    'mcap file, lz4': lambda path, messages: write_mcap(
+        path.with_suffix('.mcap'), messages, compression=CompressionType.LZ4
+    ),
+    'mcap file cut short': lambda path, messages: cut_short(
+        write_mcap(path.with_suffix('.mcap'), messages)
+    ),
+    'rosbag1, bz2': lambda path, messages: write_ros1(
+        path.with_suffix('.bag'), messages, Writer1.CompressionFormat.BZ2
+    ),
+    'rosbag1, lz4': lambda path, messages: write_ros1(
+        path.with_suffix('.bag'), messages, Writer1.CompressionFormat.LZ4
+    ),
+}
+
+
+def cut_short(path):
+    path.write_bytes(path.read_bytes()[:-30])
+    return path
+
+
+def read(path):
+    with open_bag(path) as bag:
+        return list(bag.messages(list(bag.topics)))
+
+
+@pytest.fixture(params=COMPRESSED)
+def recording(request, tmp_path):
+    factory = ROS1 if 'rosbag1' in request.param else ROS2
+    return COMPRESSED[request.param](tmp_path / 'bag', stereo_messages(3, factory=factory))
+
+
+def test_compressed_recordings_are_read(recording):
+    assert len(read(recording)) == 12
+
+
+def test_a_recording_beyond_the_limit_is_refused(recording, monkeypatch):
+    monkeypatch.setattr(decompression, 'MAX_BYTES', 500)
+    monkeypatch.setattr(decompression, 'MAX_FILE_RATIO', 0)
+    with pytest.raises(BagError) as caught:
+        read(recording)
+    message = str(caught.value)
+    assert message.startswith(f'{recording}: ')
+    assert 'after decompression: expected at most ' in message
+    assert '\n' not in message
+
+
+def test_a_file_may_have_many_times_its_compressed_size(tmp_path, monkeypatch):
+    monkeypatch.setattr(decompression, 'MAX_BYTES', 8_000)
+    recording = WRITERS['mcap zstd file'](tmp_path / 'bag', stereo_messages(9))
+    assert len(read(recording)) == 36
+
+
+zstd = decompression._zstd
+DATA = bytes(3_000_000) + b'end'
+FORMATS = {
+    'zstd': (decompress_zstd, zstd.compress),
+    'zstd without a size': (
+        decompress_zstd,
+        lambda data: (compressor := zstd.ZstdCompressor()).compress(data) + compressor.flush(),
+    ),
+    'lz4': (decompress_lz4, lz4.frame.compress),
+    'lz4 without a size': (
+        decompress_lz4,
+        lambda data: lz4.frame.compress(data, store_size=False),
+    ),
+    'bz2': (decompress_bz2, bz2.compress),
+}
+
+
+@pytest.mark.parametrize(('decompress', 'compress'), FORMATS.values(), ids=FORMATS)
+def test_data_is_decompressed_up_to_the_limit(decompress, compress, monkeypatch):
+    monkeypatch.setattr(decompression, 'MAX_BYTES', len(DATA))
+    assert decompress(compress(DATA)) == DATA
+    assert decompress(compress(DATA[:500_000]) + compress(DATA[500_000:])) == DATA
+    with pytest.raises(TooLargeError, match=f'expected at most {len(DATA)}'):
+        decompress(compress(DATA + b'.'))
+    with pytest.raises(TooLargeError):
+        decompress(compress(DATA) + compress(b'.'))
+    with pytest.raises(Exception, match=r'.'):
+        decompress(compress(DATA)[:-10])
