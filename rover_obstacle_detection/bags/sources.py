@@ -11,12 +11,14 @@ from rosbags.convert.converter import migrate_bytes
 from rosbags.highlevel import AnyReader
 
 from rover_obstacle_detection.bags.decompression import TooLargeError, bound_rosbags
+from rover_obstacle_detection.bags.message_types import guard_rosbags
 from rover_obstacle_detection.bags.source import Entry, Source, choose_typestore
 from rover_obstacle_detection.bags.streamed_mcap import StreamedMcap
 from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.messages.rosbags_factory import ros1_typestore, ros2_typestore
 
 bound_rosbags()
+guard_rosbags()
 
 SUFFIXES = ('.mcap', '.db3', '.bag')
 

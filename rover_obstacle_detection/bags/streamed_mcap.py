@@ -6,6 +6,7 @@ rosbags library requires.
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -13,9 +14,10 @@ from typing import Any
 
 from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from rover_obstacle_detection.bags.decompression import decompressed_chunk
+from rover_obstacle_detection.bags.message_types import types_from_msg
 from rover_obstacle_detection.bags.source import Entry, choose_typestore
 from rover_obstacle_detection.messages.rosbags_factory import ros2_typestore
 
@@ -114,13 +116,12 @@ class StreamedMcap:
         for schema in self._schemas.values():
             if schema.encoding != 'ros2msg':
                 continue
-            try:
-                types = get_types_from_msg(schema.data.decode(), schema.name)
-            except (TypesysError, UnicodeDecodeError):
-                # Only messages of this type become unreadable.
-                continue
             known = self._typestore.fielddefs
-            self._typestore.register({name: types[name] for name in types.keys() - known.keys()})
+            # Otherwise, only messages of this type become unreadable.
+            with contextlib.suppress(TypesysError, UnicodeDecodeError):
+                types = types_from_msg(schema.data.decode(), schema.name)
+                new = {name: types[name] for name in types.keys() - known.keys()}
+                self._typestore.register(new)
 
 
 def _in_chunks(records: Iterable[McapRecord]) -> Iterator[McapRecord]:
