@@ -33,9 +33,9 @@ _END_MARKERS = {
 _MAX_PADDING_BYTES = 4096
 # Rows and pixels from which the byte order of a 16-bit image is judged.
 _ORDER_ROWS, _ORDER_PIXELS = 64, 1000
-# Neighbouring pixels of a picture differ by less than this share of the image's spread; in the
-# wrong byte order they differ like noise, by about 1.1.
-_NOISE_LIKE, _PICTURE_LIKE = 0.8, 0.4
+# Share of an image's variance between neighbours. Seven real cameras: below 0.06 in the right byte
+# order, 0.13 to 0.9 in the wrong one, and always at least four times as much.
+_MIN_ROUGHNESS, _MAX_RATIO = 0.1, 0.4
 
 
 def decode_any_image(message: Any, name: str, most_pixels: int = MAX_PIXELS) -> NDArray[Any]:
@@ -208,19 +208,22 @@ def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
 
 
 def _looks_byte_swapped(image: NDArray[np.uint16]) -> bool:
-    """Whether the image is noise as it is, and a picture with its bytes swapped."""
+    """Whether neighbouring pixels are much more alike with their bytes swapped."""
     sample = image[:: max(1, len(image) // _ORDER_ROWS)]
-    if sample.size < _ORDER_PIXELS or sample.shape[1] < 2:
+    if sample.size < _ORDER_PIXELS or sample.shape[1] < 3:
         return False
-    # Pixels of the same colour in a Bayer mosaic are two columns apart.
-    return _roughness(sample) > _NOISE_LIKE and _roughness(sample.byteswap()) < _PICTURE_LIKE
+    roughness = _roughness(sample)
+    return roughness > _MIN_ROUGHNESS and _roughness(sample.byteswap()) < _MAX_RATIO * roughness
 
 
 def _roughness(image: NDArray[np.uint16]) -> float:
-    """Difference of pixels two columns apart, relative to the spread of the image."""
+    """Share of the variance between pixels two columns apart; 1 for noise.
+
+    In a Bayer mosaic, these have the same colour.
+    """
     grey = image.astype(np.float32)
-    spread = float(grey.std())
-    return float(np.abs(grey[:, 2:] - grey[:, :-2]).mean()) / spread if spread else 0.0
+    variance = float(grey.var())
+    return float(np.square(grey[:, 2:] - grey[:, :-2]).mean()) / 2 / variance if variance else 0.0
 
 
 def _bytes(data: Any) -> NDArray[np.uint8]:

@@ -147,6 +147,7 @@ def test_byte_order_is_not_questioned_in_noise_darkness_and_8_bit_levels():
         random_pixels(60, 80, dtype=np.uint16),
         np.full((60, 80), 256, np.uint16),
         np.random.default_rng(1).integers(0, 4, (60, 80)).astype(np.uint16),
+        np.random.default_rng(1).integers(230, 260, (60, 80)).astype(np.uint16),
         picture() >> 4,
         (picture() >> 4) << 8,
     ):

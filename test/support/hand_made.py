@@ -103,6 +103,7 @@ def write_stereo_bag(
     period_ns=100_000_000,
     sides=('left', 'right'),
     infos=True,
+    encoding='mono8',
     change_image=None,
     change_info=None,
 ):
@@ -120,7 +121,7 @@ def write_stereo_bag(
                 delay_ns = right_delay_ns if side == 'right' else 0
                 stamp_ns = FIRST_STAMP_NS + index * period_ns + delay_ns
                 header = make_header(stamp_ns, f'{side}_optical', bag.factory)
-                message = encode_image(image, 'mono8', header, bag.factory)
+                message = encode_image(image, encoding, header, bag.factory)
                 if change_image:
                     message = change_image(index, side, message) or message
                 kind = 'CompressedImage' if hasattr(message, 'format') else 'Image'
