@@ -31,6 +31,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
+        'lz4>=3',
         'mcap>=1.1',
         'numpy>=1.26',
         'opencv-python-headless>=4.8',

@@ -1,7 +1,4 @@
-"""Decompress what recordings hold, up to a limit: a few kilobytes can stand for gigabytes.
-
-`lz4` comes with rosbags.
-"""
+"""Decompress what recordings hold, up to a limit: a few kilobytes can stand for gigabytes."""
 
 from __future__ import annotations
 
