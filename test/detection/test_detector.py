@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import pickle
+import re
 
 import numpy as np
 import pytest
@@ -384,3 +386,26 @@ def test_histogram_is_equalized_if_configured(method):
     equalized = detector(scene, method, equalize_histogram=True).detect(*dim)
     assert plain.grey.max() < 32
     assert equalized.grey.max() == 255
+
+
+def test_a_pickled_detection_is_the_same_and_read_only(found):
+    again = pickle.loads(pickle.dumps(found))
+    for name, array in arrays(found).items():
+        np.testing.assert_array_equal(getattr(again, name), array)
+    assert again.obstacles == found.obstacles
+    assert not again.mask.flags.writeable
+    assert repr(again) == repr(found)
+
+
+def test_repr_is_one_short_line(found):
+    assert re.fullmatch(
+        rf'<Detection 320 x 240, {found.config.method}: {len(found.obstacles)} obstacles, '
+        r'[\d.]+% obstacle, [\d.]+% unknown, 0 warnings>',
+        repr(found),
+    )
+
+
+@pytest.mark.parametrize('image', [None, [[1, 2]], 'left.png'])
+def test_what_is_no_array_is_named(image):
+    with pytest.raises(ImageError, match=f'left image is {type(image).__name__}: expected an arr'):
+        detector().detect(image, image)

@@ -39,11 +39,11 @@ OBSTACLE = 255
 FREE = 0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Detection:
     """The result of one image pair. Immutable: all arrays are read-only.
 
-    What was not needed to decide is computed on first access.
+    What was not needed to decide is computed on first access. To save a detection, pickle it.
 
     Parameters
     ----------
@@ -100,6 +100,22 @@ class Detection:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                _read_only(value)
+
+    def __repr__(self) -> str:
+        obstacle = np.count_nonzero(self.mask) / self.mask.size
+        unknown = 1 - np.count_nonzero(self.known) / self.known.size
+        return (
+            f'<{type(self).__name__} {self.camera.width} x {self.camera.height}, '
+            f'{self.config.method}: {self.obstacle_numbers.max()} obstacles, '
+            f'{obstacle:.1%} obstacle, {unknown:.1%} unknown, {len(self.warnings)} warnings>'
+        )
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Pickle forgets that arrays are read-only.
+        vars(self).update(state)
+        for value in state.values():
             if isinstance(value, np.ndarray):
                 _read_only(value)
 

@@ -57,7 +57,7 @@ def resized(array: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
     return np.asarray(resampled).view(array.dtype)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EnlargedDetection(Detection):
     """A detection whose pixels each take what was found at the nearest pixel of another one.
 
