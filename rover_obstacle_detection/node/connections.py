@@ -22,12 +22,15 @@ class Connections:
     latched : dict of str to bool
         Whether all publishers of an input topic keep their last message for late subscribers.
         Topics without a publisher are left out.
+    other_images : tuple of str
+        Image topics that somebody publishes, while an input topic has no publisher.
     """
 
     errors: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     publishers: dict[str, str] = field(default_factory=dict)
     latched: dict[str, bool] = field(default_factory=dict)
+    other_images: tuple[str, ...] = ()
 
     def describe(self, topic: str) -> str:
         """Return the topic with its publishers, such as ``/left/image_rect (no publisher)``."""

@@ -101,6 +101,22 @@ def statuses(state: NodeState) -> tuple[Status, ...]:
     return _connections(state), _input(state), _calibration(state), _detection(state)
 
 
+def figures_of_late(state: NodeState) -> str:
+    """Return the figures of the last 10 s on one line; empty if no pair arrived."""
+    load, share = state.counts.load, state.counts.latest.obstacle_share
+    if not (state.subscribed and load.pairs):
+        return ''
+    figures = [
+        f'{load.pairs / load.seconds:.1f} pairs/s',
+        f'{load.ended / load.seconds:.1f} judged/s',
+        f'latency {_optional(load.latency_p95_s, 1000, 0)} ms (95th percentile)',
+        f'obstacles on {_optional(share, 100, 1)} % of the latest image',
+        f'{load.dropped} pairs dropped',
+        f'{load.lost} images lost',
+    ]
+    return ', '.join(figures)
+
+
 def worth_logging(state: NodeState) -> Iterator[tuple[int, str]]:
     """Yield level and text of each problem that nothing else has logged."""
     if state.lifecycle != 'active':
@@ -111,6 +127,15 @@ def worth_logging(state: NodeState) -> Iterator[tuple[int, str]]:
         yield WARN, state.calibration_problem
     if state.pairing_problem:
         yield WARN, state.pairing_problem
+    if state.connections.other_images and _no_pair(state):
+        first = state.connections.other_images[0]
+        yield (
+            WARN,
+            (
+                f'there are images on {", ".join(state.connections.other_images)}: to use them, '
+                f'remap the inputs, such as -r left/image_rect:={first}'
+            ),
+        )
     level, message = _judge_input(state)
     logged = {state.pairing_problem}
     if state.limits is not None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 from rclpy.duration import Infinite
@@ -16,6 +17,7 @@ from rclpy.qos import (
 
 from rover_obstacle_detection.node.connections import NO_PUBLISHER, Connections
 
+IMAGE_TYPE = 'sensor_msgs/msg/Image'
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 # Words by which rclpy's reasons can be told apart.
 POLICIES = {
@@ -41,6 +43,8 @@ def look_at_graph(
     subscriptions, publishers : iterable of rclpy subscription, of rclpy publisher
         Those of this node.
     """
+    publishers = list(publishers)
+    known = {*inputs, *(publisher.topic_name for publisher in publishers)}
     offered = {topic: node.get_publishers_info_by_topic(topic) for topic in inputs}
     errors = [*_doubled_node(node), *_doubled_publishers(offered)]
     for subscription in subscriptions:
@@ -63,7 +67,15 @@ def look_at_graph(
         warnings=tuple(warnings),
         publishers={topic: _publishers(found) for topic, found in offered.items()},
         latched={topic: _latched(found) for topic, found in offered.items() if found},
+        other_images=() if all(offered.values()) else tuple(_other_images(node, known)),
     )
+
+
+def _other_images(node: Any, known: AbstractSet[str]) -> Iterator[str]:
+    """Yield the image topics that are neither inputs nor outputs."""
+    for topic, types in sorted(node.get_topic_names_and_types()):
+        if topic not in known and IMAGE_TYPE in types and node.count_publishers(topic):
+            yield topic
 
 
 def _doubled_node(node: Any) -> list[str]:

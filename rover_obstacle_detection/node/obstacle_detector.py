@@ -21,6 +21,7 @@ from rover_obstacle_detection.node.diagnostics import (
     IDLE,
     NodeState,
     Status,
+    figures_of_late,
     statuses,
     worth_logging,
 )
@@ -45,6 +46,8 @@ from rover_obstacle_detection.node.worker import DetectionWorker, ImagePair, Sou
 
 NAME = 'obstacle_detector'
 DIAGNOSTICS_PERIOD_S = 1.0
+# Between the lines of figures in the log.
+REPORT_PERIOD_S = 10.0
 # After activation and wake-up, missing messages are not reported for this long.
 GRACE_S = 3.0
 
@@ -88,6 +91,7 @@ class ObstacleDetector(LifecycleNode):
         self._gravity: GravityInput | None = None
         self._worker: DetectionWorker | None = None
         self._expecting_since_s = 0.0
+        self._reported_s = 0.0
         # Whether the log has yet to say that nobody listens.
         self._may_be_idle = False
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -293,6 +297,9 @@ class ObstacleDetector(LifecycleNode):
         for level, problem in worth_logging(state):
             log = self._error if level == ERROR else self._warn
             log(problem)
+        if now_s - self._reported_s >= REPORT_PERIOD_S and (figures := figures_of_late(state)):
+            self._reported_s = now_s
+            self.get_logger().info(figures)
 
     def _array(self, judged: tuple[Status, ...]) -> DiagnosticArray:
         # The namespace of the left image: a rover can have several cameras.

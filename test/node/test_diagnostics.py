@@ -13,6 +13,7 @@ from rover_obstacle_detection.node.diagnostics import (
     WARN,
     NodeState,
     Status,
+    figures_of_late,
     statuses,
     worth_logging,
 )
@@ -242,6 +243,30 @@ def test_problems_are_logged_with_their_level() -> None:
     idle = dataclasses.replace(GOOD, **changes, subscribed=False)
     assert [text for _, text in worth_logging(idle)] == ['two nodes', 'not heard']
     assert not list(worth_logging(dataclasses.replace(idle, lifecycle='inactive')))
+
+
+def test_images_on_other_topics_are_proposed_while_no_pair_arrives() -> None:
+    others = {'connections': Connections(other_images=('/cam0/image_raw', '/cam1/image_raw'))}
+
+    logged = list(worth_logging(dataclasses.replace(GOOD, **load() | others)))
+
+    assert logged[0] == (
+        WARN,
+        'there are images on /cam0/image_raw, /cam1/image_raw: to use them, remap the inputs, '
+        'such as -r left/image_rect:=/cam0/image_raw',
+    )
+    assert not list(worth_logging(dataclasses.replace(GOOD, **others)))
+
+
+def test_figures_of_the_last_seconds_are_one_line() -> None:
+    busy = load(seconds=10.0, pairs=98, ended=41, dropped=57, lost=3, latency_p95_s=0.4216)
+
+    assert figures_of_late(dataclasses.replace(GOOD, **busy)) == (
+        '9.8 pairs/s, 4.1 judged/s, latency 422 ms (95th percentile), obstacles on 5.1 % of the '
+        'latest image, 57 pairs dropped, 3 images lost'
+    )
+    assert figures_of_late(dataclasses.replace(GOOD, **load())) == ''
+    assert figures_of_late(dataclasses.replace(GOOD, **busy, subscribed=False)) == ''
 
 
 def test_values_before_the_first_detection_are_unknown() -> None:

@@ -49,6 +49,15 @@ class Graph:
     def get_subscriptions_info_by_topic(self, topic: str) -> list[Any]:
         return self.subscribers.get(topic, [])
 
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        return [
+            (topic, ['sensor_msgs/msg/CameraInfo' if topic == INFO else 'sensor_msgs/msg/Image'])
+            for topic in {*self.publishers, *self.subscribers}
+        ]
+
+    def count_publishers(self, topic: str) -> int:
+        return len(self.publishers.get(topic, []))
+
     def look(self, subscribed: QoSProfile = BEST_EFFORT) -> Connections:
         subscription = SimpleNamespace(topic_name=IMAGE, qos_profile=subscribed)
         publisher = SimpleNamespace(topic_name=MASK, qos_profile=RELIABLE)
@@ -68,6 +77,17 @@ def test_graph_without_conflict(graph: Graph) -> None:
 
     assert (found.errors, found.warnings) == ((), ())
     assert found.publishers == dict.fromkeys((IMAGE, INFO), 'published by /stereo/camera')
+
+
+def test_images_on_other_topics_are_listed_where_an_input_has_none(graph: Graph) -> None:
+    graph.publishers['/cam1/image_raw'] = [endpoint(RELIABLE)]
+    graph.publishers['/cam0/image_raw'] = [endpoint(RELIABLE)]
+    graph.subscribers['/unpublished'] = [endpoint(RELIABLE, 'viewer')]
+    assert graph.look().other_images == ()
+
+    del graph.publishers[IMAGE]
+
+    assert graph.look().other_images == ('/cam0/image_raw', '/cam1/image_raw')
 
 
 def test_second_node_of_the_same_name(graph: Graph) -> None:
