@@ -22,7 +22,7 @@ from rover_obstacle_detection.messages.header import (
     make_header,
     stamp_ns,
 )
-from rover_obstacle_detection.messages.image import OVERSIZE, decode_any_image
+from rover_obstacle_detection.messages.image import OVERSIZE, decode_camera_image
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
 
@@ -225,9 +225,9 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         topic = self._topics.left_image
         try:
             most_pixels = OVERSIZE * math.prod(self._watch.camera.shape)
-            left = decode_any_image(pair.left, topic, most_pixels)
+            left = decode_camera_image(pair.left, topic, most_pixels)
             topic = self._topics.right_image
-            right = decode_any_image(pair.right, topic, most_pixels)
+            right = decode_camera_image(pair.right, topic, most_pixels)
             self._check_sizes(left, right)
             left, right = self._watch.rectify(left, right)
         except Exception as error:

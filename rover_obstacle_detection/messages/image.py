@@ -38,6 +38,20 @@ _ORDER_ROWS, _ORDER_PIXELS = 64, 1000
 _MIN_ROUGHNESS, _MAX_RATIO = 0.1, 0.4
 
 
+def decode_camera_image(message: Any, name: str, most_pixels: int = MAX_PIXELS) -> NDArray[Any]:
+    """Decode what a camera sees; see `decode_any_image`.
+
+    Raises
+    ------
+    ImageError
+        Also if a 16-bit image is only a picture with its bytes swapped.
+    """
+    encoding = IMAGE_ENCODINGS.get(getattr(message, 'encoding', ''))
+    if encoding is not None and encoding.dtype is np.uint16:
+        _check_byte_order(_pixels(message, encoding, name), message.is_bigendian, name)
+    return decode_any_image(message, name, most_pixels)
+
+
 def decode_any_image(message: Any, name: str, most_pixels: int = MAX_PIXELS) -> NDArray[Any]:
     """Decode an Image or a CompressedImage; see `decode_image`, `decode_compressed_image`."""
     if hasattr(message, 'encoding'):
@@ -196,24 +210,22 @@ def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
     shape = (height, width) if encoding.channels == 1 else (height, width, encoding.channels)
     strides = (step, encoding.pixel_bytes, stored.itemsize)[: len(shape)]
     pixels: NDArray[Any] = np.ndarray(shape, stored, data.data, strides=strides)
-    native = pixels.astype(encoding.dtype, copy=False)
-    if native.dtype == np.uint16 and _looks_byte_swapped(native):
-        order = int(bool(message.is_bigendian))
+    return pixels.astype(encoding.dtype, copy=False)
+
+
+def _check_byte_order(image: NDArray[np.uint16], is_bigendian: int, name: str) -> None:
+    """Reject an image whose neighbouring pixels are much more alike with their bytes swapped."""
+    sample = image[:: max(1, len(image) // _ORDER_ROWS)]
+    if sample.size < _ORDER_PIXELS or sample.shape[1] < 3:
+        return
+    roughness = _roughness(sample)
+    if roughness > _MIN_ROUGHNESS and _roughness(sample.byteswap()) < _MAX_RATIO * roughness:
+        order = int(bool(is_bigendian))
         msg = (
             f'{name}: is_bigendian is {order}, but only in the other byte order do the pixels '
             f'show a picture: expected {1 - order}'
         )
         raise ImageError(msg)
-    return native
-
-
-def _looks_byte_swapped(image: NDArray[np.uint16]) -> bool:
-    """Whether neighbouring pixels are much more alike with their bytes swapped."""
-    sample = image[:: max(1, len(image) // _ORDER_ROWS)]
-    if sample.size < _ORDER_PIXELS or sample.shape[1] < 3:
-        return False
-    roughness = _roughness(sample)
-    return roughness > _MIN_ROUGHNESS and _roughness(sample.byteswap()) < _MAX_RATIO * roughness
 
 
 def _roughness(image: NDArray[np.uint16]) -> float:

@@ -22,7 +22,7 @@ from rover_obstacle_detection.errors import (
     ObstacleDetectionError,
     UnjudgeablePairError,
 )
-from rover_obstacle_detection.messages.image import OVERSIZE, decode_any_image
+from rover_obstacle_detection.messages.image import OVERSIZE, decode_camera_image
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
@@ -163,8 +163,8 @@ class DetectionWorker:
             return
         left_topic, right_topic = self._sources.topics()
         most_pixels = OVERSIZE * camera.width * camera.height
-        left = decode_any_image(pair.left, left_topic, most_pixels)
-        right = decode_any_image(pair.right, right_topic, most_pixels)
+        left = decode_camera_image(pair.left, left_topic, most_pixels)
+        right = decode_camera_image(pair.right, right_topic, most_pixels)
         self._check_sizes(left, right, camera)
         gravity = self._sources.gravity(header)
         detector = self._detector_for(camera)

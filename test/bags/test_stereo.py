@@ -172,9 +172,9 @@ def test_an_undecodable_message_is_a_bad_frame(tmp_path):
     assert pairs.bad_frames == 1
 
 
-@pytest.mark.parametrize('name', ['decode_any_image', 'rectify', 'take'])
+@pytest.mark.parametrize('name', ['decode_camera_image', 'rectify', 'take'])
 def test_any_failure_with_one_message_is_a_bad_frame(tmp_path, monkeypatch, name):
-    owner = stereo if name == 'decode_any_image' else CalibrationWatch
+    owner = stereo if name == 'decode_camera_image' else CalibrationWatch
     works = getattr(owner, name)
     calls = itertools.count()
 

@@ -14,6 +14,7 @@ from rover_obstacle_detection.errors import ImageError
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.image import (
     decode_any_image,
+    decode_camera_image,
     decode_compressed_image,
     decode_float_image,
     decode_image,
@@ -135,11 +136,11 @@ def picture(noise=0.0):
 @pytest.mark.parametrize('noise', [0.0, 20.0, 150.0])
 def test_wrong_byte_order_is_refused(big_endian, encoding, noise):
     message = image_message(picture(noise), encoding, big_endian=big_endian)
-    assert decode_image(message, '/left').dtype == np.uint16
+    assert decode_camera_image(message, '/left').dtype == np.uint16
     message.is_bigendian = int(not big_endian)
     said = f'/left: is_bigendian is {int(not big_endian)}, .*: expected {int(big_endian)}'
     with pytest.raises(ImageError, match=said):
-        decode_image(message, '/left')
+        decode_camera_image(message, '/left')
 
 
 def test_byte_order_is_not_questioned_in_noise_darkness_and_8_bit_levels():
@@ -152,7 +153,13 @@ def test_byte_order_is_not_questioned_in_noise_darkness_and_8_bit_levels():
         (picture() >> 4) << 8,
     ):
         message = image_message(pixels, 'mono16')
-        np.testing.assert_array_equal(decode_image(message, '/left'), pixels)
+        np.testing.assert_array_equal(decode_camera_image(message, '/left'), pixels)
+
+
+def test_byte_order_of_labels_is_not_questioned():
+    message = image_message(picture(), 'mono16', big_endian=True)
+    message.is_bigendian = 0
+    assert decode_any_image(message, '/instances').dtype == np.uint16
 
 
 @pytest.mark.parametrize('extension', ['.png', '.jpg'])

@@ -19,7 +19,7 @@ from rover_obstacle_detection.cli.main import make_parser
 from rover_obstacle_detection.errors import ObstacleDetectionError
 from rover_obstacle_detection.messages.calibration import load_camera_info
 from rover_obstacle_detection.messages.encodings import IMAGE_ENCODINGS
-from rover_obstacle_detection.messages.image import decode_compressed_image, decode_image
+from rover_obstacle_detection.messages.image import decode_camera_image, decode_compressed_image
 from rover_obstacle_detection.parameter_file import load_config
 from rover_obstacle_detection.rover_mask import RoverMask
 
@@ -48,7 +48,7 @@ def image(data: bytes) -> None:
         is_bigendian=fields[6],
         data=np.frombuffer(data[8:], np.uint8),
     )
-    decode_image(message, '/left')
+    decode_camera_image(message, '/left')
 
 
 def compressed(data: bytes) -> None:
@@ -62,7 +62,7 @@ def image_message(data: bytes) -> None:
         message = ROS2.typestore.deserialize_cdr(data, IMAGE_TYPE)
     except Exception:  # a bag reports it as a message that is damaged
         return
-    decode_image(message, '/left')
+    decode_camera_image(message, '/left')
 
 
 def _bag(suffix: str) -> Callable[[bytes], None]:

@@ -6,23 +6,9 @@ import math
 
 import numpy as np
 
-from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.parameters import GroundCheckParameters
-from rover_obstacle_detection.errors import UnjudgeablePairError
-
-
-def check_baseline(camera: StereoCamera, parameters: GroundCheckParameters) -> None:
-    """Reject a baseline that no rover has.
-
-    Raises
-    ------
-    UnjudgeablePairError
-    """
-    if camera.baseline_m > parameters.max_baseline_m:
-        msg = f'the baseline is {camera.baseline_m:g} m: is it in millimetres?'
-        raise UnjudgeablePairError(msg)
 
 
 def ground_warnings(

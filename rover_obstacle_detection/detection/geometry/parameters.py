@@ -118,8 +118,6 @@ class GroundCheckParameters:
 
     Parameters
     ----------
-    max_baseline_m : float
-        No rover has a longer baseline.
     max_tilt_deg : float
         Tilt of the ground against a given vertical that is worth a warning. Set by the user: the
         steepest slope that the rover can climb.
@@ -130,7 +128,6 @@ class GroundCheckParameters:
         Heights at which rovers carry their cameras.
     """
 
-    max_baseline_m: float = 5.0
     max_tilt_deg: float = 20.0
     max_height_ratio: float = 1.3
     min_usual_height_m: float = 0.12

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_check import (
-    check_baseline,
     ground_warnings,
 )
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
@@ -103,7 +102,6 @@ def measure(
         If the pair says nothing about the ground, or contradicts itself.
     """
     p, full = parameters, frame.camera
-    check_baseline(full, p.ground_check)
     reduced = frame.resized(coarse_camera(full, p.stereo))
     coarse = match_coarsely(reduced, full, p, stages)
     reduced = coarse.correction.straightened(reduced)

@@ -190,7 +190,7 @@ CONDITIONS: tuple[Condition, ...] = (
         'right principal point',
         _each('{:+} px', changes.wrong_principal_point, 5, 15, 40, -5, -15, -40),
     ),
-    Condition(CALIBRATION, 'baseline', _each('x {}', changes.wrong_baseline, 10, 100, 1000)),
+    Condition(CALIBRATION, 'baseline', _each('x {}', changes.wrong_baseline, 10)),
     Condition(CALIBRATION, 'focal length', _each('x {}', changes.wrong_focal_length, 0.7, 1.4, 2)),
     Condition(GRAVITY, 'pitch and roll', {'said to be 0': changes.told_level}),
     Condition(GRAVITY, 'pitch too small', _pitched(-1)),

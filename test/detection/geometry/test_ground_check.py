@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_check import (
-    check_baseline,
     ground_warnings,
 )
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.geometry.parameters import GroundCheckParameters
-from rover_obstacle_detection.errors import UnjudgeablePairError
 
 PARAMETERS = GroundCheckParameters()
 CAMERA = StereoCamera(160, 120, 100.0, 100.0, 79.5, 59.5, 0.12)
@@ -29,18 +25,6 @@ def plane(pitch_deg=30.0, height_m=1.0, up_pitch_deg=None, *, measured=True):
 
 def warnings(ground, *, unaided=None, gravity=None, known_height_m=0.0, parameters=PARAMETERS):
     return ground_warnings(ground, unaided, gravity, known_height_m, parameters)
-
-
-@pytest.mark.parametrize('baseline_m', [0.06, 5.0])
-def test_baseline_of_a_rover_is_accepted(baseline_m):
-    check_baseline(replace(CAMERA, baseline_m=baseline_m), PARAMETERS)
-
-
-@pytest.mark.parametrize('baseline', [5.1, 120.0])
-def test_baseline_in_millimetres_is_refused_by_name(baseline):
-    words = rf'the baseline is {baseline:g} m: is it in millimetres\?'
-    with pytest.raises(UnjudgeablePairError, match=words):
-        check_baseline(replace(CAMERA, baseline_m=baseline), PARAMETERS)
 
 
 def test_usual_ground_gives_no_warning():
