@@ -139,7 +139,7 @@ def test_mask_and_clouds_have_the_stamp_and_frame_of_the_left_image(replayed):
         assert header.frame_id == 'left_optical'
         seen.setdefault(topic, []).append(stamp_ns)
     expected = [FIRST_STAMP_NS + index * PERIOD_NS for index in range(3)]
-    names = ('obstacle_mask', 'obstacle_points', 'ground_points')
+    names = ('obstacle_mask', 'obstacle_points', 'ground_points', 'obstacle_grid')
     assert seen == {f'/cam/{name}': expected for name in names}
 
 
@@ -176,7 +176,11 @@ def test_the_mcap_package_reads_the_detections(replayed):
         topics = [channel.topic for _, channel, _ in reader.iter_messages()]
         schemas = {schema.name for schema in reader.get_summary().schemas.values()}
     assert topics.count('/cam/obstacle_mask') == 3
-    assert schemas == {'sensor_msgs/msg/Image', 'sensor_msgs/msg/PointCloud2'}
+    assert schemas == {
+        'sensor_msgs/msg/Image',
+        'sensor_msgs/msg/PointCloud2',
+        'nav_msgs/msg/OccupancyGrid',
+    }
 
 
 def test_each_frame_has_its_pictures(replayed):

@@ -71,6 +71,7 @@ def test_output_topics_and_types():
         'obstacle_mask': 'sensor_msgs/msg/Image',
         'obstacle_points': 'sensor_msgs/msg/PointCloud2',
         'ground_points': 'sensor_msgs/msg/PointCloud2',
+        'obstacle_grid': 'nav_msgs/msg/OccupancyGrid',
         'disparity': 'stereo_msgs/msg/DisparityImage',
         'obstacle_markers': 'visualization_msgs/msg/MarkerArray',
         'detection_image': 'sensor_msgs/msg/Image',
@@ -253,13 +254,14 @@ def test_obstacle_without_3d_points_has_no_markers():
 
 
 def test_unjudgeable_pair_has_an_empty_ground_cloud_and_nothing_known():
+    config = DetectorConfig(grid_cell=0.5, grid_extent=3.0)
     made = {
-        name: output.encode_unknown(SHAPE, HEADER, FACTORY)
+        name: output.encode_unknown(SHAPE, config, HEADER, FACTORY)
         for name, output in OUTPUTS.items()
         if output.encode_unknown
     }
     # An empty obstacle cloud or a black mask would mean that there is no obstacle.
-    assert set(made) == {'ground_points', 'debug/known'}
+    assert set(made) == {'ground_points', 'obstacle_grid', 'debug/known'}
     for message in made.values():
         assert stamp_ns(message.header) == stamp_ns(HEADER)
         assert message.header.frame_id == 'left_optical'
@@ -269,6 +271,10 @@ def test_unjudgeable_pair_has_an_empty_ground_cloud_and_nothing_known():
     known = decode_image(made['debug/known'], 'known')
     assert known.shape == SHAPE
     assert not known.any()
+    grid = made['obstacle_grid']
+    assert (grid.info.width, grid.info.height, grid.info.resolution) == (6, 6, 0.5)
+    assert (grid.data == -1).all()
+    assert len(grid.data) == 36
 
 
 @pytest.mark.parametrize(

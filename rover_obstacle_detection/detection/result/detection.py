@@ -24,6 +24,7 @@ from rover_obstacle_detection.detection.rectification.row_alignment import RowAl
 from rover_obstacle_detection.detection.result.carried import Carrier
 from rover_obstacle_detection.detection.result.confidence import confidence
 from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence, measure_evidence
+from rover_obstacle_detection.detection.result.grid import ObstacleGrid, obstacle_grid
 from rover_obstacle_detection.detection.result.obstacles import (
     NumberedObstacles,
     Obstacle,
@@ -231,14 +232,33 @@ class Detection:
         One for each cell of the ground (`ground_cell`). Free pixels whose depth is that of an
         obstacle beside them (`rims`) have no point.
         """
-        where = (self.mask == FREE) & self.known & self._measured & ~self.rims.before
-        pixels = np.flatnonzero(where)
+        pixels = np.flatnonzero(self._free_places)
         points = self.points.reshape(-1, 3)[pixels]
         cell_m = self.parameters.result.ground_cell_m
         if cell_m:
             chosen = one_per_cell(points, self.ground, cell_m)
             pixels, points = pixels[chosen], points[chosen]
         return _read_only(np.column_stack((points, self.height.ravel()[pixels])))
+
+    @cached_property
+    def grid(self) -> ObstacleGrid:
+        """The ground from above: cells with obstacle points, with free pixels, and unknown."""
+        parameters = self.parameters.result
+        grid = obstacle_grid(
+            self.obstacle_points[:, :3],
+            self.points[self._free_places],
+            self.ground,
+            parameters.grid_cell_m,
+            parameters.grid_extent_m,
+        )
+        _read_only(grid.cells)
+        return grid
+
+    @property
+    def _free_places(self) -> NDArray[np.bool_]:
+        """Free pixels with the position of what they show."""
+        free: NDArray[np.bool_] = (self.mask == FREE) & self.known
+        return free & self._measured & ~self.rims.before
 
     @cached_property
     def _numbered(self) -> NumberedObstacles:

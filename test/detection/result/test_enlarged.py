@@ -151,6 +151,7 @@ def test_clouds_are_those_of_the_judged_pixels():
     found, judged, _ = at((160, 120))
     np.testing.assert_array_equal(found.obstacle_points, judged.obstacle_points)
     np.testing.assert_array_equal(found.ground_points, judged.ground_points)
+    assert found.grid is judged.grid
     assert 200 < len(found.obstacle_points) <= np.count_nonzero(judged.mask)
     assert 100 < len(found.ground_points) < np.count_nonzero(judged.mask == FREE)
 
