@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
+from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, Kind
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 
@@ -167,24 +167,9 @@ def shown_obstacles(detection: Detection) -> tuple[Obstacle, ...]:
 
 
 def pixels_by_kind(detection: Detection) -> dict[Kind, NDArray[np.bool_]]:
-    """Return the obstacle pixels of each kind that a detection has.
-
-    A pixel with several cues has the kind of the first of `Cue`, and one without that of its
-    obstacle.
-    """
-    found: dict[Kind, NDArray[np.bool_]] = {}
-    left = detection.mask == OBSTACLE
-    for cue in Cue:
-        part = left & ((detection.cues & np.uint8(cue)) > 0)
-        if part.any():
-            found[KINDS[cue]] = part
-            left &= ~part
-    if left.any():
-        for kind in KIND_COLOURS:
-            part = left & _of_kind(detection, kind)
-            if part.any():
-                found[kind] = found[kind] | part if kind in found else part
-    return found
+    """Return the obstacle pixels of each kind that a detection has."""
+    parts = {kind: detection.kinds == KIND_NUMBERS[kind] for kind in KIND_COLOURS}
+    return {kind: part for kind, part in parts.items() if part.any()}
 
 
 def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:

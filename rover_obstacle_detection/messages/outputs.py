@@ -62,13 +62,6 @@ def _image(pixels: Callable[[Detection], NDArray[np.uint8]], encoding: str) -> O
     )
 
 
-def _cloud(points: Callable[[Detection], NDArray[np.float32]]) -> Output:
-    return Output(
-        'sensor_msgs/msg/PointCloud2',
-        lambda detection, header, factory: encode_cloud(points(detection), header, factory),
-    )
-
-
 def _no_ground(
     shape: tuple[int, int], config: DetectorConfig, header: Any, factory: MessageFactory
 ) -> Any:
@@ -89,9 +82,16 @@ def _unknown_cells(
 
 OUTPUTS: Mapping[str, Output] = {
     'obstacle_mask': _image(lambda detection: detection.mask, 'mono8'),
-    'obstacle_points': _cloud(lambda detection: detection.obstacle_points),
-    'ground_points': replace(
-        _cloud(lambda detection: detection.ground_points), encode_unknown=_no_ground
+    'obstacle_points': Output(
+        'sensor_msgs/msg/PointCloud2',
+        lambda detection, header, factory: encode_cloud(
+            detection.obstacle_points, header, factory, detection.obstacle_point_kinds
+        ),
+    ),
+    'ground_points': Output(
+        'sensor_msgs/msg/PointCloud2',
+        lambda detection, header, factory: encode_cloud(detection.ground_points, header, factory),
+        _no_ground,
     ),
     'obstacle_grid': Output(
         'nav_msgs/msg/OccupancyGrid',

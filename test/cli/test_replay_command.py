@@ -156,7 +156,8 @@ def test_every_masked_pixel_but_those_of_rims_has_a_point(replayed):
         ('ground_points', (mask == 0) & detection.known & has_point & ~detection.rims.before),
     ):
         cloud = decode_cloud(messages[f'/cam/{name}'])
-        np.testing.assert_array_equal(cloud, getattr(detection, name))
+        expected = getattr(detection, name)
+        np.testing.assert_array_equal(cloud[:, : expected.shape[1]], expected)
         assert len(cloud) > 100
         x, y, z = cloud[:, :3].astype(float).T
         columns = np.rint(x / z * CAMERA.fx + CAMERA.cx).astype(int)

@@ -31,6 +31,7 @@ from rover_obstacle_detection.detection.result.obstacles import (
     describe_obstacles,
     main_kinds,
     number_obstacles,
+    pixel_kinds,
 )
 from rover_obstacle_detection.detection.result.rims import STANDING, Rims, find_rims
 from rover_obstacle_detection.detection.result.thinning import one_per_cell
@@ -186,6 +187,12 @@ class Detection:
         return _read_only(np.append(np.float32(0), self._confidences)[self.obstacle_numbers])
 
     @cached_property
+    def kinds(self) -> NDArray[np.uint8]:
+        """Kind of each obstacle pixel, by `KIND_NUMBERS`: its own, not that of its obstacle."""
+        kinds = main_kinds(self.evidence.cue_shares)
+        return _read_only(pixel_kinds(self.cues, self.obstacle_numbers, kinds))
+
+    @cached_property
     def rims(self) -> Rims:
         """Pixels at the rims of obstacles that were matched to the other side of the outline."""
         rims = find_rims(
@@ -213,6 +220,16 @@ class Detection:
         3D stands upright where its foot meets the ground; it has no points where no ground was
         measured, or where that place is outside `min_range` and `max_range`.
         """
+        return _read_only(self._obstacle_cloud[1])
+
+    @cached_property
+    def obstacle_point_kinds(self) -> NDArray[np.uint8]:
+        """Kind of the pixel of each of the `obstacle_points`, by `KIND_NUMBERS`; shape (n,)."""
+        return _read_only(self.kinds[self._obstacle_cloud[0]])
+
+    @cached_property
+    def _obstacle_cloud(self) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+        """Pixels with an obstacle point, and the points."""
         obstacle = (self.mask == OBSTACLE) & self.known
         own = obstacle & self._measured & ~self.rims.behind
         placed, rows = self._carried(obstacle & ~self._measured, own)
@@ -223,7 +240,7 @@ class Detection:
         cloud[measured, 3] = self.height[own]
         cloud[~measured, :4] = rows
         cloud[:, 4] = self.confidence[both]
-        return _read_only(cloud)
+        return both, cloud
 
     @cached_property
     def ground_points(self) -> NDArray[np.float32]:

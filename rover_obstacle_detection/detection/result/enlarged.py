@@ -108,6 +108,11 @@ class EnlargedDetection(Detection):
         return self.judged.obstacle_points
 
     @cached_property
+    def obstacle_point_kinds(self) -> NDArray[np.uint8]:
+        """Kinds of the obstacle points, as those of `judged`."""
+        return self.judged.obstacle_point_kinds
+
+    @cached_property
     def ground_points(self) -> NDArray[np.float32]:
         """Points on free ground, as those of `judged`."""
         return self.judged.ground_points
