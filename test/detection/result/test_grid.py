@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from hand_made import small_detection
+from hand_made import SCENE, small_detection, stereo_images
 
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.parameters import DetectorParameters
@@ -147,6 +148,18 @@ def test_grid_of_a_detection_has_all_free_pixels_and_no_other_free_cells():
     assert {tuple(each) for each in np.argwhere(dense.grid.cells == 100)} == hits
     assert {tuple(each) for each in np.argwhere(dense.grid.cells == 0)} == free
     assert min(len(hits), len(free)) > 10
+
+
+def test_block_of_a_scene_lies_where_it_stands():
+    (block,) = SCENE.solids
+    grid = Detector(SCENE.camera).detect(*stereo_images()).grid
+    row, column = (np.argwhere(grid.cells == 100) + 0.5).T * grid.cell_m
+    left = row - grid.cells.shape[0] * grid.cell_m / 2
+    # x of the scene is to the right, y forward; cells of 0.10 m.
+    assert np.median(left) == pytest.approx(-block.x, abs=0.1)
+    assert np.median(column) == pytest.approx(block.y, abs=0.1)
+    assert np.hypot(left + block.x, column - block.y).max() < 0.4
+    assert np.count_nonzero(grid.cells == 0) > 500
 
 
 def test_unknown_pixels_make_no_cell_free():
