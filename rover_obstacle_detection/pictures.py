@@ -5,8 +5,9 @@ Every picture is an 8-bit BGR image aligned with the left image.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
+from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, Kind
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 
@@ -41,6 +42,9 @@ KIND_COLOURS: Mapping[Kind, Colour] = {
     'rough': GREEN,
 }
 """Colours of obstacles by their kind."""
+
+MAX_LABELS = 8
+"""Labels of an overlay. Of many obstacles, more labels would hide the others."""
 
 # Log scale of the roughness and step map: from stereo noise to far above any clearance.
 ROUGHNESS_STEP_RANGE_M = (0.001, 1.0)
@@ -122,9 +126,10 @@ def mask_picture(detection: Detection) -> Picture:
 def overlay_picture(detection: Detection, image: NDArray[Any] | None = None) -> Picture:
     """Draw the detection over the left image.
 
-    Obstacles are outlined in the colour of their kind, and labelled with kind, height above the
-    ground where that makes them obstacles, and distance. Within them, each pixel has the colour of
-    its own kind. Unknown pixels are hatched. The rest of the image is free.
+    Obstacles are outlined in the colour of their kind. The nearest and the tallest are labelled
+    with kind, height above the ground where that makes them obstacles, and distance. Within them,
+    each pixel has the colour of its own kind. Unknown pixels are hatched. The rest of the image is
+    free.
 
     Parameters
     ----------
@@ -162,24 +167,9 @@ def shown_obstacles(detection: Detection) -> tuple[Obstacle, ...]:
 
 
 def pixels_by_kind(detection: Detection) -> dict[Kind, NDArray[np.bool_]]:
-    """Return the obstacle pixels of each kind that a detection has.
-
-    A pixel with several cues has the kind of the first of `Cue`, and one without that of its
-    obstacle.
-    """
-    found: dict[Kind, NDArray[np.bool_]] = {}
-    left = detection.mask == OBSTACLE
-    for cue in Cue:
-        part = left & ((detection.cues & np.uint8(cue)) > 0)
-        if part.any():
-            found[KINDS[cue]] = part
-            left &= ~part
-    if left.any():
-        for kind in KIND_COLOURS:
-            part = left & _of_kind(detection, kind)
-            if part.any():
-                found[kind] = found[kind] | part if kind in found else part
-    return found
+    """Return the obstacle pixels of each kind that a detection has."""
+    parts = {kind: detection.kinds == KIND_NUMBERS[kind] for kind in KIND_COLOURS}
+    return {kind: part for kind, part in parts.items() if part.any()}
 
 
 def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
@@ -193,6 +183,22 @@ def obstacle_label(obstacle: Obstacle, max_step_m: float) -> str:
     if height_counts(obstacle, max_step_m):
         height = f'{100 * obstacle.max_height_m:.0f} cm '
     return f'{obstacle.kind} {height}@ {obstacle.range_m:.1f} m'
+
+
+def by_importance(obstacles: Sequence[Obstacle], max_step_m: float) -> list[Obstacle]:
+    """Sort obstacles: the nearest, the tallest, the second nearest, the second tallest, and so on.
+
+    Only measured heights that make an obstacle count: see `height_counts`.
+    """
+    nearest = sorted(
+        obstacles, key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf
+    )
+    tallest = sorted(
+        (each for each in obstacles if height_counts(each, max_step_m)),
+        key=lambda each: -each.max_height_m,
+    )
+    in_turn = itertools.chain.from_iterable(itertools.zip_longest(nearest, tallest))
+    return [each for each in dict.fromkeys(in_turn) if each is not None]
 
 
 def height_counts(obstacle: Obstacle, max_step_m: float) -> bool:
@@ -237,18 +243,16 @@ def _outline(picture: Picture, mask: NDArray[np.bool_], colour: Colour) -> None:
 
 
 def _label(picture: Picture, detection: Detection) -> None:
-    """Label obstacles from near to far, except specks and labels that would overlap others."""
+    """Label the nearest and the tallest obstacles, where the label overlaps no other one."""
     scale = max(0.35, picture.shape[0] / 1600.0)
     speck_pixels = picture.shape[0] * picture.shape[1] // 8000
     taken: list[tuple[int, int, int, int]] = []
-    nearest_first = sorted(
-        shown_obstacles(detection),
-        key=lambda each: each.range_m if math.isfinite(each.range_m) else math.inf,
-    )
-    for obstacle in nearest_first:
-        if obstacle.pixels < speck_pixels:
-            continue
-        text = obstacle_label(obstacle, detection.config.max_step)
+    max_step_m = detection.config.max_step
+    large = [each for each in shown_obstacles(detection) if each.pixels >= speck_pixels]
+    for obstacle in by_importance(large, max_step_m):
+        if len(taken) == MAX_LABELS:
+            break
+        text = obstacle_label(obstacle, max_step_m)
         (width, height), below = cv2.getTextSize(text, _FONT, scale, 1)
         left = obstacle.left + (obstacle.width - width) // 2
         left = max(2, min(left, picture.shape[1] - width - 3))

@@ -147,6 +147,41 @@ def test_each_kind_has_a_colour_of_its_own():
     assert (apart[~np.eye(len(colours), dtype=bool)] > 90).all()
 
 
+def test_labels_go_to_the_nearest_and_the_tallest():
+    far, tall = _obstacle('rock', 0.2, 5.0), _obstacle('rock', 0.9, 4.0)
+    near, second = _obstacle('rock', 0.12, 1.0), _obstacle('slope', 3.0, 2.0)
+    nowhere = _obstacle('rock', np.nan, np.nan)
+    ranked = pictures.by_importance([nowhere, far, second, tall, near], 0.10)
+    assert ranked == [near, tall, second, far, nowhere]
+
+
+def test_few_of_many_obstacles_are_labelled_and_all_are_outlined(monkeypatch):
+    mask = np.zeros((960, 1280), np.uint8)
+    places = [(row, column) for row in range(100, 960, 100) for column in range(60, 1200, 200)]
+    for row, column in places:
+        mask[row : row + 30, column : column + 60] = 255
+    texts = []
+    monkeypatch.setattr(pictures.cv2, 'putText', lambda *given: texts.append((given[1], given[2])))
+    seen = _large_detection(mask)
+    picture = pictures.overlay_picture(seen)
+    assert len(seen.obstacles) == len(places) == 54
+    assert len(set(texts)) == len(texts) == pictures.MAX_LABELS == 8
+    assert {text[:12] for text, _ in texts} == {'rock 30 cm @'}
+    for row, column in places:
+        assert tuple(picture[row, column + 30]) == pictures.RED
+
+
+def test_of_labels_that_would_overlap_only_the_nearer_obstacles_is_drawn():
+    mask = np.zeros((480, 640), np.uint8)
+    mask[205:240, 200:240] = mask[205:240, 260:300] = 255
+    alone = np.zeros((480, 640), np.uint8)
+    alone[205:240, 260:300] = 255
+    both = pictures.overlay_picture(_large_detection(mask))[170:198]
+    nearer = pictures.overlay_picture(_large_detection(alone))[170:198]
+    assert (nearer == 50).any()
+    np.testing.assert_array_equal(both, nearer)
+
+
 @pytest.mark.parametrize('cue', Cue)
 def test_the_overlay_has_the_colour_of_the_kind(cue):
     mask = small_detection().mask

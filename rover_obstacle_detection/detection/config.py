@@ -11,6 +11,8 @@ from rover_obstacle_detection.errors import ConfigurationError
 Value = bool | int | float | str
 
 METHODS = ('hybrid', 'study')
+MAX_GRID_CELLS = 1000
+"""Cells of `DetectorConfig.grid_extent`."""
 BLOCK_SIZES = {'hybrid': 3, 'study': 5}
 GRAVITY_SOURCES = ('estimate', 'parameters', 'imu', 'tf')
 
@@ -267,6 +269,16 @@ class DetectorConfig:
         10.0,
         smallest=0.005,
     )
+    grid_cell: float = _parameter(
+        0.10, 'Side of the square cells of obstacle_grid (m).', 0.01, 10.0
+    )
+    grid_extent: float = _parameter(
+        10.0,
+        'Length of obstacle_grid ahead of the camera (m); it reaches half as far to either side. '
+        'At most 1000 cells.',
+        0.1,
+        100.0,
+    )
 
     mean_shift_spatial_radius: float = _parameter(
         15.0, 'Method study and debug topics: mean-shift spatial bandwidth (px).', 1.0, 100.0
@@ -320,6 +332,12 @@ class DetectorConfig:
             description.check(getattr(self, description.name))
         if self.max_range <= self.min_range:
             msg = f'max_range is {self.max_range}: expected more than min_range, {self.min_range}'
+            raise ConfigurationError(msg)
+        if self.grid_extent > MAX_GRID_CELLS * self.grid_cell:
+            msg = (
+                f'grid_extent is {self.grid_extent}: expected at most {MAX_GRID_CELLS} times '
+                f'grid_cell, {self.grid_cell}'
+            )
             raise ConfigurationError(msg)
         if self.P1 and self.P2 and self.P2 <= self.P1:
             msg = f'P2 is {self.P2}: expected more than P1, {self.P1}'

@@ -101,6 +101,8 @@ class DetectorParameters:
                 block_size_px=c.block_size,
                 min_confidence=c.min_confidence,
                 ground_cell_m=c.ground_cell,
+                grid_cell_m=c.grid_cell,
+                grid_extent_m=c.grid_extent,
             ),
         )
 

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.result.grid import unknown_grid
 from rover_obstacle_detection.messages.cloud import GROUND_FIELDS, encode_cloud
 from rover_obstacle_detection.messages.disparity import encode_disparity
 from rover_obstacle_detection.messages.factory import MessageFactory
+from rover_obstacle_detection.messages.grid import encode_grid
 from rover_obstacle_detection.messages.image import encode_image
 from rover_obstacle_detection.messages.markers import encode_markers
 from rover_obstacle_detection.pictures import (
@@ -24,6 +27,9 @@ from rover_obstacle_detection.pictures import (
 
 # Pixel value of debug/known where the ground was judged.
 KNOWN = np.uint8(255)
+
+
+EncodeUnknown = Callable[[tuple[int, int], DetectorConfig, Any, MessageFactory], Any]
 
 
 @dataclass(frozen=True)
@@ -38,13 +44,13 @@ class Output:
         Makes the message from a detection, the left image's header and a message factory.
     encode_unknown : callable, optional
         Makes the message for a pair that cannot be judged, from the images' height and width,
-        the left image's header and a message factory. None: no message, because every message of
-        this topic would say that there is no obstacle.
+        the detector's configuration, the left image's header and a message factory. None: no
+        message, because every message of this topic would say that there is no obstacle.
     """
 
     type_name: str
     encode: Callable[[Detection, Any, MessageFactory], Any]
-    encode_unknown: Callable[[tuple[int, int], Any, MessageFactory], Any] | None = None
+    encode_unknown: EncodeUnknown | None = None
 
 
 def _image(pixels: Callable[[Detection], NDArray[np.uint8]], encoding: str) -> Output:
@@ -56,26 +62,41 @@ def _image(pixels: Callable[[Detection], NDArray[np.uint8]], encoding: str) -> O
     )
 
 
-def _cloud(points: Callable[[Detection], NDArray[np.float32]]) -> Output:
-    return Output(
-        'sensor_msgs/msg/PointCloud2',
-        lambda detection, header, factory: encode_cloud(points(detection), header, factory),
-    )
-
-
-def _no_ground(shape: tuple[int, int], header: Any, factory: MessageFactory) -> Any:
+def _no_ground(
+    shape: tuple[int, int], config: DetectorConfig, header: Any, factory: MessageFactory
+) -> Any:
     return encode_cloud(np.zeros((0, len(GROUND_FIELDS)), np.float32), header, factory)
 
 
-def _nothing_known(shape: tuple[int, int], header: Any, factory: MessageFactory) -> Any:
+def _nothing_known(
+    shape: tuple[int, int], config: DetectorConfig, header: Any, factory: MessageFactory
+) -> Any:
     return encode_image(np.zeros(shape, np.uint8), 'mono8', header, factory)
+
+
+def _unknown_cells(
+    shape: tuple[int, int], config: DetectorConfig, header: Any, factory: MessageFactory
+) -> Any:
+    return encode_grid(unknown_grid(config.grid_cell, config.grid_extent), header, factory)
 
 
 OUTPUTS: Mapping[str, Output] = {
     'obstacle_mask': _image(lambda detection: detection.mask, 'mono8'),
-    'obstacle_points': _cloud(lambda detection: detection.obstacle_points),
-    'ground_points': replace(
-        _cloud(lambda detection: detection.ground_points), encode_unknown=_no_ground
+    'obstacle_points': Output(
+        'sensor_msgs/msg/PointCloud2',
+        lambda detection, header, factory: encode_cloud(
+            detection.obstacle_points, header, factory, detection.obstacle_point_kinds
+        ),
+    ),
+    'ground_points': Output(
+        'sensor_msgs/msg/PointCloud2',
+        lambda detection, header, factory: encode_cloud(detection.ground_points, header, factory),
+        _no_ground,
+    ),
+    'obstacle_grid': Output(
+        'nav_msgs/msg/OccupancyGrid',
+        lambda detection, header, factory: encode_grid(detection.grid, header, factory),
+        _unknown_cells,
     ),
     'disparity': Output('stereo_msgs/msg/DisparityImage', encode_disparity),
     'obstacle_markers': Output('visualization_msgs/msg/MarkerArray', encode_markers),

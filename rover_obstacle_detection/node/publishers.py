@@ -9,6 +9,7 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.node.rclpy_factory import RclpyFactory, message_type
@@ -72,19 +73,20 @@ class OutputPublishers:
             if publisher.get_subscription_count():
                 publisher.publish(output.encode(detection, header, self._factory))
 
-    def publish_unknown(self, shape: tuple[int, int], header: Any) -> None:
+    def publish_unknown(self, shape: tuple[int, int], config: DetectorConfig, header: Any) -> None:
         """Publish for a pair that cannot be judged: no ground is known to be free.
 
         Parameters
         ----------
         shape : tuple of int
             Height and width of the images.
+        config : DetectorConfig
         header : std_msgs/Header
             Header of the left image, used for every message.
         """
         for output, publisher in self._publishers:
             if output.encode_unknown is not None and publisher.get_subscription_count():
-                publisher.publish(output.encode_unknown(shape, header, self._factory))
+                publisher.publish(output.encode_unknown(shape, config, header, self._factory))
 
     def destroy(self) -> None:
         """Remove the topics."""

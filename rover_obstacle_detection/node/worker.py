@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
@@ -59,7 +60,7 @@ class Publishes(Protocol):
     def publish(self, detection: Detection, header: Any) -> None:
         """Publish the outputs of a detection."""
 
-    def publish_unknown(self, shape: tuple[int, int], header: Any) -> None:
+    def publish_unknown(self, shape: tuple[int, int], config: DetectorConfig, header: Any) -> None:
         """Publish that nothing is known of a pair."""
 
 
@@ -149,16 +150,20 @@ class DetectionWorker:
     def _fail(self, pair: ImagePair, camera: StereoCamera, error: Exception) -> None:
         reason, problem, log = _describe(error)
         try:
-            self._outputs.publish_unknown(camera.shape, pair.left.header)
+            self._publish_unknown(camera, pair.left.header)
         except Exception as second:
             self._warn(f'nothing is published for a failed pair: {_describe(second)[2]}')
         self._statistics.bad_frame(reason, problem)
         self._warn(log)
 
+    def _publish_unknown(self, camera: StereoCamera, header: Any) -> None:
+        config = self._sources.settings().config
+        self._outputs.publish_unknown(camera.shape, config, header)
+
     def _process(self, pair: ImagePair, camera: StereoCamera) -> None:
         header = pair.left.header
         if pair.fault:
-            self._outputs.publish_unknown(camera.shape, header)
+            self._publish_unknown(camera, header)
             self._statistics.withheld(pair.fault)
             return
         left_topic, right_topic = self._sources.topics()

@@ -51,7 +51,7 @@ OnProgress = Callable[[int, int], None]
 Stopped = Callable[[], bool]
 """Asked after each pair whether to end there."""
 
-WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points')
+WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points', 'obstacle_grid')
 OUTPUT_FILES = (
     'summary.json',
     'detections/metadata.yaml',

@@ -154,6 +154,12 @@ def test_max_range_is_beyond_min_range(near, far):
         assert message == f'max_range is {far}: expected more than min_range, {near}'
 
 
+def test_grid_has_a_bounded_number_of_cells():
+    message = refusal(grid_extent=60.0, grid_cell=0.05)
+    assert message == 'grid_extent is 60.0: expected at most 1000 times grid_cell, 0.05'
+    assert DetectorConfig(grid_extent=50.0, grid_cell=0.05).grid_extent == 50
+
+
 def test_second_penalty_is_larger_than_the_first():
     assert refusal(P1=300.0, P2=300.0) == 'P2 is 300.0: expected more than P1, 300.0'
     assert DetectorConfig(P1=300.0).P2 == 0

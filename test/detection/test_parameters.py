@@ -21,6 +21,8 @@ CONFIGURED = {
     'max_camera_roll': ('plane_fit',),
     'working_scale': ('resolution',),
     'ground_cell': ('result',),
+    'grid_cell': ('result',),
+    'grid_extent': ('result',),
     'min_range': ('stereo',),
     'max_range': ('plane_fit', 'resolution', 'terrain', 'rocks', 'study'),
     'min_disparity': ('stereo',),

@@ -38,6 +38,23 @@ def test_confidence_is_the_fifth_field():
     np.testing.assert_array_equal(decode_cloud(message), points)
 
 
+@pytest.mark.parametrize('count', [0, 3])
+def test_kind_is_a_byte_after_the_confidence(count):
+    points = np.column_stack((POINTS, np.float32([0.5, 0.25, 1])))[:count]
+    kinds = np.array([1, 3, 5], np.uint8)[:count]
+    message = encode_cloud(points, HEADER, FACTORY, kinds)
+    expected = b''.join(
+        struct.pack('<5fB3x', *point, kind) for point, kind in zip(points, kinds, strict=True)
+    )
+    assert message.data.tobytes() == expected
+    assert (message.point_step, message.row_step, message.width) == (24, 24 * count, count)
+    fields = [(each.name, each.offset, each.datatype, each.count) for each in message.fields]
+    assert fields[4:] == [('confidence', 16, 7, 1), ('kind', 20, 2, 1)]
+    decoded = decode_cloud(message)
+    assert decoded.shape == (count, 6)
+    np.testing.assert_array_equal(decoded, np.column_stack((points, kinds)))
+
+
 @pytest.mark.parametrize('count', [0, 1, 3])
 def test_cloud_survives_serialisation(count):
     points = np.repeat(POINTS, 2, axis=0)[::2][:count]
@@ -61,5 +78,5 @@ def test_padded_big_endian_cloud_is_decoded():
 def test_field_of_unsupported_type_is_named():
     message = encode_cloud(POINTS, HEADER, FACTORY)
     message.fields[1].datatype = 8
-    with pytest.raises(ValueError, match="field 'y' is not float32"):
+    with pytest.raises(ValueError, match="field 'y' is neither float32 nor uint8"):
         decode_cloud(message)

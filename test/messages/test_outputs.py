@@ -10,7 +10,7 @@ from hand_made import small_detection
 from rover_obstacle_detection import DetectorConfig, StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.parameters import DetectorParameters
-from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, KINDS, Cue
 from rover_obstacle_detection.messages.cloud import decode_cloud
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.image import decode_float_image, decode_image
@@ -71,6 +71,7 @@ def test_output_topics_and_types():
         'obstacle_mask': 'sensor_msgs/msg/Image',
         'obstacle_points': 'sensor_msgs/msg/PointCloud2',
         'ground_points': 'sensor_msgs/msg/PointCloud2',
+        'obstacle_grid': 'nav_msgs/msg/OccupancyGrid',
         'disparity': 'stereo_msgs/msg/DisparityImage',
         'obstacle_markers': 'visualization_msgs/msg/MarkerArray',
         'detection_image': 'sensor_msgs/msg/Image',
@@ -109,8 +110,9 @@ def test_clouds_hold_the_points_of_the_masks_pixels():
         np.testing.assert_array_equal(cloud[:, 3], seen.height[where])
         assert np.isfinite(cloud).all()
         if name == 'obstacle_points':
-            assert fields[4:] == ['confidence']
+            assert fields[4:] == ['confidence', 'kind']
             np.testing.assert_array_equal(cloud[:, 4], np.float32(seen.obstacles[0].confidence))
+            assert (cloud[:, 5] == KIND_NUMBERS['rock']).all()
 
 
 def test_cloud_has_the_carried_points_and_not_the_rims():
@@ -121,12 +123,26 @@ def test_cloud_has_the_carried_points_and_not_the_rims():
     seen = replace(whole, disparity=disparity, height=height, known=whole.known)
     message = encode('obstacle_points', seen)
     assert (message.width, message.height, message.is_dense) == (40 - 3, 1, True)
-    assert len(message.data) == 37 * 20 == message.row_step
+    assert len(message.data) == 37 * 24 == message.row_step
     cloud = decode_cloud(message)
-    np.testing.assert_array_equal(cloud, seen.obstacle_points)
+    np.testing.assert_array_equal(cloud[:, :5], seen.obstacle_points)
+    np.testing.assert_array_equal(cloud[:, 5], seen.obstacle_point_kinds)
     rows = np.flatnonzero(np.isclose(cloud[:, 1] / cloud[:, 2], 0.5 / 40, atol=1e-4))
     np.testing.assert_allclose(cloud[rows[4:6], :2], whole.points[12, 14:16, :2], atol=1e-3)
     assert cloud[:, 2].max() == pytest.approx(0.8, abs=1e-3)
+
+
+def test_points_have_the_kind_of_their_pixel():
+    whole = detection()
+    cues = whole.cues.copy()
+    parts = {10: Cue.SLOPE, 11: Cue.DROP, 12: Cue.ROUGHNESS_STEP, 13: Cue.HEIGHT}
+    for row, cue in parts.items():
+        cues[row][whole.mask[row] > 0] = cue
+    cloud = decode_cloud(encode('obstacle_points', replace(whole, cues=cues)))
+    rows = np.rint(cloud[:, 1] / cloud[:, 2] * 40 + 11.5)
+    for row, cue in parts.items():
+        of_row = cloud[rows == row, 5]
+        assert (len(of_row), set(of_row)) == (10, {KIND_NUMBERS[KINDS[cue]]})
 
 
 def test_known_image_marks_known_pixels():
@@ -253,13 +269,14 @@ def test_obstacle_without_3d_points_has_no_markers():
 
 
 def test_unjudgeable_pair_has_an_empty_ground_cloud_and_nothing_known():
+    config = DetectorConfig(grid_cell=0.5, grid_extent=3.0)
     made = {
-        name: output.encode_unknown(SHAPE, HEADER, FACTORY)
+        name: output.encode_unknown(SHAPE, config, HEADER, FACTORY)
         for name, output in OUTPUTS.items()
         if output.encode_unknown
     }
     # An empty obstacle cloud or a black mask would mean that there is no obstacle.
-    assert set(made) == {'ground_points', 'debug/known'}
+    assert set(made) == {'ground_points', 'obstacle_grid', 'debug/known'}
     for message in made.values():
         assert stamp_ns(message.header) == stamp_ns(HEADER)
         assert message.header.frame_id == 'left_optical'
@@ -269,6 +286,10 @@ def test_unjudgeable_pair_has_an_empty_ground_cloud_and_nothing_known():
     known = decode_image(made['debug/known'], 'known')
     assert known.shape == SHAPE
     assert not known.any()
+    grid = made['obstacle_grid']
+    assert (grid.info.width, grid.info.height, grid.info.resolution) == (6, 6, 0.5)
+    assert (grid.data == -1).all()
+    assert len(grid.data) == 36
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ OUTPUTS = {
     '/stereo/obstacle_mask': 'sensor_msgs/msg/Image',
     '/stereo/obstacle_points': 'sensor_msgs/msg/PointCloud2',
     '/stereo/ground_points': 'sensor_msgs/msg/PointCloud2',
+    '/stereo/obstacle_grid': 'nav_msgs/msg/OccupancyGrid',
 }
 # Slow enough to detect every pair on a busy machine.
 RATE = '0.5'
@@ -59,6 +60,12 @@ def node(graph: LiveGraph, outputs: dict[str, Topic]) -> Process:
     return process
 
 
+def pose_of(grid: Any) -> list[float]:
+    origin = grid.info.origin
+    parts = [*(getattr(origin.position, axis) for axis in 'xyz')]
+    return [*parts, *(getattr(origin.orientation, axis) for axis in 'xyzw')]
+
+
 def test_node_and_replay_publish_identical_messages(
     graph: LiveGraph,
     node: Process,
@@ -79,7 +86,12 @@ def test_node_and_replay_publish_identical_messages(
             expected = replayed[name, stamp_ns(message.header)]
             assert message.header.frame_id == expected.header.frame_id
             assert message.header.frame_id == 'stereo_left_optical_frame'
-            assert (message.width, message.height) == (expected.width, expected.height)
+            if name == '/stereo/obstacle_grid':
+                assert (message.info.width, message.info.height) == (100, 100)
+                assert pose_of(message) == pose_of(expected)
+                assert set(message.data) == {-1, 0, 100}
+            else:
+                assert (message.width, message.height) == (expected.width, expected.height)
             assert bytes(message.data) == bytes(expected.data)
 
 

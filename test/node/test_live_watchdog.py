@@ -29,6 +29,7 @@ class WatchedRover(Rover):
         }
         self.ground, self.obstacles = clouds['ground_points'], clouds['obstacle_points']
         self.known = graph.subscribe('sensor_msgs/msg/Image', '/stereo/debug/known')
+        self.grid = graph.subscribe('nav_msgs/msg/OccupancyGrid', '/stereo/obstacle_grid')
         self._exposures = 0
         super().__init__(graph, '-p', 'frozen_after:=5', watchdog=True)
 
@@ -76,6 +77,8 @@ def test_frozen_camera_gives_no_free_ground_until_it_recovers(rover: WatchedRove
         assert cloud.header.frame_id == 'stereo_left_optical_frame'
     rover.wait_for(lambda: stamps[-1] in rover.known.stamps_ns)
     assert not any(rover.known.at(stamps[-1]).data)
+    rover.wait_for(lambda: stamps[-1] in rover.grid.stamps_ns)
+    assert set(rover.grid.at(stamps[-1]).data) == {-1}
     # Every message on these topics would say that there is no obstacle.
     for topic in (rover.mask, rover.obstacles):
         assert not set(stamps) & set(topic.stamps_ns)
@@ -88,6 +91,8 @@ def test_frozen_camera_gives_no_free_ground_until_it_recovers(rover: WatchedRove
 
     assert rover.ground_at(stamp).width > 1000
     assert rover.wait_for_mask(stamp).any()
+    rover.wait_for(lambda: stamp in rover.grid.stamps_ns)
+    assert set(rover.grid.at(stamp).data) == {-1, 0, 100}
     rover.wait_for(lambda: 'images change again' in rover.process.output)
     rover.wait_for(lambda: rover.send() and rover.diagnostics.level('stereo input') == 0)
     assert rover.process.output.count('images change again') == 1

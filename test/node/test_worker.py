@@ -111,8 +111,9 @@ class Bench:
         self.published.append(header)
         self.done.release()
 
-    def publish_unknown(self, shape: tuple[int, int], header: Any) -> None:
+    def publish_unknown(self, shape: tuple[int, int], config: Any, header: Any) -> None:
         assert shape == SHAPE
+        assert config == self.settings.config
         if self.failures:
             raise self.failures.pop()
         self.unknown.append(header)

@@ -45,3 +45,9 @@ KINDS: Mapping[Cue, Kind] = MappingProxyType(
     }
 )
 """Kind of obstacle that each cue makes."""
+
+# Users rely on them: a new kind gets a new number.
+KIND_NUMBERS: Mapping[Kind, int] = MappingProxyType(
+    {'rock': 1, 'slope': 2, 'drop': 3, 'rough': 4, 'unmeasured': 5}
+)
+"""Number of each kind in images and clouds; 0 is no obstacle."""

@@ -24,12 +24,14 @@ from rover_obstacle_detection.detection.rectification.row_alignment import RowAl
 from rover_obstacle_detection.detection.result.carried import Carrier
 from rover_obstacle_detection.detection.result.confidence import confidence
 from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence, measure_evidence
+from rover_obstacle_detection.detection.result.grid import ObstacleGrid, obstacle_grid
 from rover_obstacle_detection.detection.result.obstacles import (
     NumberedObstacles,
     Obstacle,
     describe_obstacles,
     main_kinds,
     number_obstacles,
+    pixel_kinds,
 )
 from rover_obstacle_detection.detection.result.rims import STANDING, Rims, find_rims
 from rover_obstacle_detection.detection.result.thinning import one_per_cell
@@ -201,6 +203,12 @@ class Detection:
         return _read_only(np.append(np.float32(0), self._confidences)[self.obstacle_numbers])
 
     @cached_property
+    def kinds(self) -> NDArray[np.uint8]:
+        """Kind of each obstacle pixel, by `KIND_NUMBERS`: its own, not that of its obstacle."""
+        kinds = main_kinds(self.evidence.cue_shares)
+        return _read_only(pixel_kinds(self.cues, self.obstacle_numbers, kinds))
+
+    @cached_property
     def rims(self) -> Rims:
         """Pixels at the rims of obstacles that were matched to the other side of the outline."""
         rims = find_rims(
@@ -228,6 +236,16 @@ class Detection:
         3D stands upright where its foot meets the ground; it has no points where no ground was
         measured, or where that place is outside `min_range` and `max_range`.
         """
+        return _read_only(self._obstacle_cloud[1])
+
+    @cached_property
+    def obstacle_point_kinds(self) -> NDArray[np.uint8]:
+        """Kind of the pixel of each of the `obstacle_points`, by `KIND_NUMBERS`; shape (n,)."""
+        return _read_only(self.kinds[self._obstacle_cloud[0]])
+
+    @cached_property
+    def _obstacle_cloud(self) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+        """Pixels with an obstacle point, and the points."""
         obstacle = (self.mask == OBSTACLE) & self.known
         own = obstacle & self._measured & ~self.rims.behind
         placed, rows = self._carried(obstacle & ~self._measured, own)
@@ -238,7 +256,7 @@ class Detection:
         cloud[measured, 3] = self.height[own]
         cloud[~measured, :4] = rows
         cloud[:, 4] = self.confidence[both]
-        return _read_only(cloud)
+        return both, cloud
 
     @cached_property
     def ground_points(self) -> NDArray[np.float32]:
@@ -247,14 +265,33 @@ class Detection:
         One for each cell of the ground (`ground_cell`). Free pixels whose depth is that of an
         obstacle beside them (`rims`) have no point.
         """
-        where = (self.mask == FREE) & self.known & self._measured & ~self.rims.before
-        pixels = np.flatnonzero(where)
+        pixels = np.flatnonzero(self._free_places)
         points = self.points.reshape(-1, 3)[pixels]
         cell_m = self.parameters.result.ground_cell_m
         if cell_m:
             chosen = one_per_cell(points, self.ground, cell_m)
             pixels, points = pixels[chosen], points[chosen]
         return _read_only(np.column_stack((points, self.height.ravel()[pixels])))
+
+    @cached_property
+    def grid(self) -> ObstacleGrid:
+        """The ground from above: cells with obstacle points, with free pixels, and unknown."""
+        parameters = self.parameters.result
+        grid = obstacle_grid(
+            self.obstacle_points[:, :3],
+            self.points[self._free_places],
+            self.ground,
+            parameters.grid_cell_m,
+            parameters.grid_extent_m,
+        )
+        _read_only(grid.cells)
+        return grid
+
+    @property
+    def _free_places(self) -> NDArray[np.bool_]:
+        """Free pixels with the position of what they show."""
+        free: NDArray[np.bool_] = (self.mask == FREE) & self.known
+        return free & self._measured & ~self.rims.before
 
     @cached_property
     def _numbered(self) -> NumberedObstacles:

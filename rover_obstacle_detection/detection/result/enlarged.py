@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence
+from rover_obstacle_detection.detection.result.grid import ObstacleGrid
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.detection.result.rims import Rims
 
@@ -107,9 +108,19 @@ class EnlargedDetection(Detection):
         return self.judged.obstacle_points
 
     @cached_property
+    def obstacle_point_kinds(self) -> NDArray[np.uint8]:
+        """Kinds of the obstacle points, as those of `judged`."""
+        return self.judged.obstacle_point_kinds
+
+    @cached_property
     def ground_points(self) -> NDArray[np.float32]:
         """Points on free ground, as those of `judged`."""
         return self.judged.ground_points
+
+    @cached_property
+    def grid(self) -> ObstacleGrid:
+        """The ground from above, as that of `judged`."""
+        return self.judged.grid
 
     @property
     def _rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
+from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, KINDS, Cue, Kind
 
 
 @dataclass(frozen=True)
@@ -133,6 +133,31 @@ def main_kinds(cue_shares: NDArray[np.float64]) -> tuple[Kind, ...]:
         of_cues[int(np.argmax(shares))] if shares.any() else KINDS[Cue.ROUGHNESS_STEP]
         for shares in cue_shares
     )
+
+
+def pixel_kinds(
+    cues: NDArray[np.uint8], numbers: NDArray[np.int32], kinds: Sequence[Kind]
+) -> NDArray[np.uint8]:
+    """Return the kind of each obstacle pixel by its number, and 0 where there is no obstacle.
+
+    A pixel with several cues has the kind of the first of `Cue`, and one without that of its
+    obstacle.
+
+    Parameters
+    ----------
+    cues : ndarray of uint8, shape (height, width)
+    numbers : ndarray of int32, shape (height, width)
+        Number of each pixel's obstacle; 0 where there is none.
+    kinds : sequence of str
+        Of each obstacle.
+    """
+    of_cues = np.zeros(256, np.uint8)
+    for cue in reversed(Cue):
+        of_cues[(np.arange(256) & cue) > 0] = KIND_NUMBERS[KINDS[cue]]
+    of_obstacles = np.array([0, *(KIND_NUMBERS[kind] for kind in kinds)], np.uint8)
+    found = of_obstacles[numbers]
+    own = of_cues[cues]
+    return np.where((found > 0) & (own > 0), own, found)
 
 
 def _measure(

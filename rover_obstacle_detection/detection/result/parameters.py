@@ -22,6 +22,10 @@ class ResultParameters:
     ground_cell_m : float
         Side of the cells of the ground that have one ground point each; 0: each pixel has one. Set
         by the user.
+    grid_cell_m : float
+        Side of the cells of the grid. Set by the user.
+    grid_extent_m : float
+        Length of the grid ahead of the camera. Set by the user.
     speck_share : float
         Share of the image below which an area of steep or low ground is a speck. Tuned on the
         tuning scenes.
@@ -63,6 +67,8 @@ class ResultParameters:
     block_size_px: int = 3
     min_confidence: float = 0.9
     ground_cell_m: float = 0.05
+    grid_cell_m: float = 0.10
+    grid_extent_m: float = 10.0
     speck_share: float = 0.0025
     min_obstacle_px: int = 12
     tail_share: float = 0.02

@@ -151,6 +151,10 @@ def test_clouds_are_those_of_the_judged_pixels():
     found, judged, _ = at((160, 120))
     np.testing.assert_array_equal(found.obstacle_points, judged.obstacle_points)
     np.testing.assert_array_equal(found.ground_points, judged.ground_points)
+    assert found.grid is judged.grid
+    assert found.obstacle_point_kinds is judged.obstacle_point_kinds
+    assert len(found.obstacle_point_kinds) == len(found.obstacle_points)
+    assert found.obstacle_point_kinds.all()
     assert 200 < len(found.obstacle_points) <= np.count_nonzero(judged.mask)
     assert 100 < len(found.ground_points) < np.count_nonzero(judged.mask == FREE)
 
@@ -230,7 +234,8 @@ def test_all_arrays_are_read_only(correction):
     judged = in_left_image(scattered(correction=correction), frame_of(SMALL))
     found = enlarged(judged, frame_of(TWICE))
     names = (*PER_PIXEL, 'grey', 'disparity', 'points', 'obstacle_numbers', 'confidence')
-    for name in (*names, 'obstacle_points', 'ground_points', 'roughness', 'step'):
+    names += ('kinds', 'obstacle_points', 'obstacle_point_kinds', 'ground_points')
+    for name in (*names, 'roughness', 'step'):
         array = getattr(found, name)
         with pytest.raises(ValueError, match='read-only'):
             array[0] = 0
