@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rover_obstacle_detection.cli.arguments import (
     add_calibration_arguments,
@@ -12,6 +14,9 @@ from rover_obstacle_detection.cli.arguments import (
 )
 from rover_obstacle_detection.cli.console import report_error
 from rover_obstacle_detection.errors import ObstacleDetectionError
+
+if TYPE_CHECKING:
+    from rover_obstacle_detection.offline.inspection.inspection import InspectionOptions
 
 DESCRIPTION = """\
 Say of each recording what it holds, whether it can be replayed, what it lacks, and the command
@@ -23,6 +28,7 @@ EPILOG = """\
 examples:
   rover-obstacles inspect traverse.mcap
   rover-obstacles inspect day1/ day2/ --json
+  rover-obstacles inspect raw.mcap --write-calibration corrected/
   rover-obstacles inspect bag/ --left-topic /port/image_raw --right-topic /starboard/image_raw
 """
 
@@ -48,6 +54,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
     output = parser.add_argument_group('output')
     output.add_argument('--json', action='store_true', help='print a JSON list')
+    output.add_argument(
+        '--write-calibration',
+        metavar='DIR',
+        type=Path,
+        help='write left.yaml and right.yaml with the row misalignment of the right image '
+        'corrected; for one bag with one stereo camera',
+    )
+    output.add_argument(
+        '--force', action='store_true', help='replace existing calibration files in DIR'
+    )
     parser.set_defaults(run=run)
 
 
@@ -55,29 +71,63 @@ def run(arguments: argparse.Namespace) -> int:
     """Inspect the bags and print what they hold."""
     import json
 
-    from rover_obstacle_detection.offline.inspection.inspection import (
-        InspectionOptions,
-        inspect_bag,
-    )
-    from rover_obstacle_detection.offline.inspection.text import inspection_json, inspection_text
+    from rover_obstacle_detection.offline.inspection.inspection import InspectionOptions
 
+    if arguments.write_calibration and len(arguments.bags) > 1:
+        raise argparse.ArgumentTypeError(
+            f'--write-calibration is given with {len(arguments.bags)} bags: expected one'
+        )
     options = InspectionOptions(
         arguments.left_topic, arguments.right_topic, calibration_files(arguments)
     )
     content = []
-    failed = False
     for path in arguments.bags:
         try:
-            inspection = inspect_bag(path, options)
+            content.append(_inspect(path, options, arguments))
         except ObstacleDetectionError as error:
             report_error(str(error))
             content.append({'bag': str(path), 'can_be_replayed': False, 'error': str(error)})
-            failed = True
-            continue
-        content.append(inspection_json(inspection))
-        failed |= not inspection.can_be_replayed
-        if not arguments.json:
-            print(inspection_text(inspection), end='\n\n', flush=True)
     if arguments.json:
         print(json.dumps(content, indent=2, allow_nan=False))
-    return int(failed)
+    return int(any('error' in each or not each['can_be_replayed'] for each in content))
+
+
+def _inspect(
+    path: Path, options: InspectionOptions, arguments: argparse.Namespace
+) -> dict[str, Any]:
+    """Inspect one bag and print it, unless everything is printed as JSON; return the JSON."""
+    from rover_obstacle_detection.offline.inspection.corrected_calibration import (
+        write_corrected_calibration,
+    )
+    from rover_obstacle_detection.offline.inspection.inspection import inspect_bag
+    from rover_obstacle_detection.offline.inspection.text import (
+        corrected_json,
+        corrected_text,
+        inspection_json,
+        inspection_text,
+    )
+
+    inspection, corrected = inspect_bag(path, options), None
+    failure: ObstacleDetectionError | None = None
+    if arguments.write_calibration:
+        try:
+            corrected = write_corrected_calibration(
+                inspection, arguments.write_calibration, force=arguments.force
+            )
+        except ObstacleDetectionError as error:
+            # The inspection says why, so it is shown all the same.
+            report_error(str(error))
+            failure = error
+        if corrected and not corrected.for_raw_images:
+            inspection = inspect_bag(path, replace(options, calibration=corrected.files))
+    if not arguments.json:
+        print(inspection_text(inspection), flush=True)
+        if corrected:
+            print(corrected_text(corrected))
+        print()
+    content = inspection_json(inspection)
+    if corrected:
+        content['written_calibration'] = corrected_json(corrected)
+    if failure:
+        content['error'] = str(failure)
+    return content

@@ -138,6 +138,8 @@ class CameraInspection:
         What makes the result doubtful.
     command : str
         Replays it.
+    pairs : tuple of Pair
+        Log times and stamps of all pairs.
     """
 
     topics: StereoTopics
@@ -149,6 +151,7 @@ class CameraInspection:
     missing: tuple[str, ...]
     warnings: tuple[str, ...]
     command: str
+    pairs: tuple[Pair, ...]
 
 
 @dataclass(frozen=True)
@@ -222,9 +225,7 @@ def inspect_bag(path: Path, options: InspectionOptions) -> BagInspection:
             },
             cameras=inspected,
             missing=missing,
-            command=_command(
-                bag, ['--left-topic', 'LEFT_TOPIC', '--right-topic', 'RIGHT_TOPIC'], options
-            ),
+            command=_command(bag, ['--left-topic', 'LEFT_TOPIC', '--right-topic', 'RIGHT_TOPIC']),
         )
 
 
@@ -289,7 +290,8 @@ def _inspect_camera(
         sample,
         missing=tuple(_missing(left, right, synchronisation, calibration, sample)),
         warnings=tuple(_warnings(left, right, synchronisation, calibration, sample)),
-        command=_command(bag, arguments, options),
+        command=_command(bag, arguments),
+        pairs=tuple(pairs),
     )
 
 
@@ -458,7 +460,7 @@ def _without_path(error: ObstacleDetectionError, bag: BagReader) -> str:
     return failure_text(error).removeprefix(f'{bag.path}: ')
 
 
-def _command(bag: BagReader, arguments: Sequence[str], options: InspectionOptions) -> str:
+def _command(bag: BagReader, arguments: Sequence[str]) -> str:
     output = f'{bag_name(bag.path)}_detections'
     salvage = ['--salvage'] if bag.notes else []
     return shlex.join(

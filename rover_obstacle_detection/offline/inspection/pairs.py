@@ -20,6 +20,7 @@ from rover_obstacle_detection.detection.images.grey_pair import GreyPair, grey_p
 from rover_obstacle_detection.detection.methods.measurement import find_ground, match_coarsely
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES
 from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.rectification.rectify import Rectified
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.stereo.coarse import coarse_camera
 from rover_obstacle_detection.detection.stereo.pair_check import row_offset
@@ -140,25 +141,40 @@ def measure_geometry(pair: GreyPair, camera: StereoCamera) -> GeometryMeasures |
     p = _PARAMETERS
     if are_swapped(*pair, camera):
         return GeometryMeasures(RowAlignment(), 0.0, 0.0, swapped=True, upside_down=False)
-    # The detector looks for row shifts of a few pixels; a larger one is taken out before.
-    rows = row_offset(pair, p.stereo.support)
-    if abs(rows) <= p.rectification.max_row_shift_px / 2:
-        rows = 0
-    left, right = pair
-    aligned = np.asarray(np.roll(right, -rows, axis=0), np.uint8)
-    frame = Frame((left, aligned), camera)
-    reduced = frame.resized(coarse_camera(camera, p.stereo))
-    coarse = match_coarsely(reduced, camera, p, HYBRID_STAGES)
-    if np.count_nonzero(coarse.disparity) < p.rectification.min_matched_pixels:
+    matched = _match(pair, camera)
+    if matched is None:
         return None
+    rows, reduced, coarse = matched
     found = coarse.correction
-    total = replace(found.rows, offset_px=found.rows.offset_px + rows)
     ground, _ = find_ground(found.straightened(reduced), coarse, p)
     return GeometryMeasures(
-        total,
-        total.most_px(camera),
+        rows,
+        rows.most_px(camera),
         found.lenses.mean_bend_px(camera),
         swapped=False,
         upside_down=not ground.measured
         and is_upside_down(coarse.disparity, coarse.camera, p.plane_fit),
     )
+
+
+def measure_rows(pair: GreyPair, camera: StereoCamera) -> RowAlignment | None:
+    """Measure only by how many rows the right image is off; None if there are too few matches."""
+    matched = _match(pair, camera)
+    return matched[0] if matched else None
+
+
+def _match(pair: GreyPair, camera: StereoCamera) -> tuple[RowAlignment, Frame, Rectified] | None:
+    """Return the row shift, the pair that was matched, and its match."""
+    p = _PARAMETERS
+    # The detector looks for row shifts of a few pixels; a larger one is taken out before.
+    shift_px = row_offset(pair, p.stereo.support)
+    if abs(shift_px) <= p.rectification.max_row_shift_px / 2:
+        shift_px = 0
+    left, right = pair
+    aligned = np.asarray(np.roll(right, -shift_px, axis=0), np.uint8)
+    reduced = Frame((left, aligned), camera).resized(coarse_camera(camera, p.stereo))
+    coarse = match_coarsely(reduced, camera, p, HYBRID_STAGES)
+    if np.count_nonzero(coarse.disparity) < p.rectification.min_matched_pixels:
+        return None
+    rows = coarse.correction.rows
+    return replace(rows, offset_px=rows.offset_px + shift_px), reduced, coarse

@@ -11,6 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from rover_obstacle_detection.offline.inspection.corrected_calibration import (
+    CorrectedCalibration,
+)
 from rover_obstacle_detection.offline.inspection.inspection import (
     BagInspection,
     CameraInspection,
@@ -49,6 +52,29 @@ def inspection_json(bag: BagInspection) -> dict[str, Any]:
         'command': bag.command if not bag.cameras else None,
         'cameras': [_camera_json(camera) for camera in bag.cameras],
     }
+
+
+def corrected_text(corrected: CorrectedCalibration) -> str:
+    """Describe the calibration files that were written."""
+    files = ' and '.join(map(str, corrected.files))
+    lines = _row(
+        'written',
+        f'{files}: rows off {corrected.rows_off_px:.2f} px before, '
+        f'{corrected.remaining_px:.2f} px after; median of {corrected.pairs} pairs, 80% within '
+        f'{corrected.spread_px:.2f} px of it; lens distortion is not corrected',
+    )
+    if corrected.for_raw_images:
+        lines += _row(
+            '',
+            'The files are for raw images. Those of this recording are rectified already: give '
+            'the files to the camera driver.',
+        )
+    return '\n'.join(lines)
+
+
+def corrected_json(corrected: CorrectedCalibration) -> dict[str, Any]:
+    """Return the same for JSON."""
+    return {**asdict(corrected), 'files': [str(each) for each in corrected.files]}
 
 
 def _camera_json(camera: CameraInspection) -> dict[str, Any]:
@@ -113,7 +139,7 @@ def _stream(stream: Stream) -> str:
         '/'.join(sorted(stream.sizes)),
     ]
     rate = f', {stream.rate_hz:.1f} Hz' if stream.rate_hz else ''
-    return f'{" ".join(filter(None, parts))}, {stream.images} images{rate}'
+    return f'{" ".join(filter(None, parts))}, {_count(stream.images, "image")}{rate}'
 
 
 def _synchronised(camera: CameraInspection) -> str:
@@ -123,9 +149,9 @@ def _synchronised(camera: CameraInspection) -> str:
     gaps = f'stamp gap {found.smallest_gap_ms:.3f} ms, median {found.median_gap_ms:.3f} ms'
     if found.approximate_sync_s:
         needed = f'with --approximate-sync {found.approximate_sync_s:g}'
-        return f'{needed}: {found.pairs} pairs; smallest {gaps}'
+        return f'{needed}: {_count(found.pairs, "pair")}; smallest {gaps}'
     if found.pairs:
-        return f'equal stamps, {found.pairs} pairs'
+        return f'equal stamps, {_count(found.pairs, "pair")}'
     return f'no: smallest {gaps}'
 
 
@@ -159,8 +185,12 @@ def _rectified(camera: CameraInspection) -> str:
         return f'{text}; not measured'
     return (
         f'{text}; rows off {_spread([each.rows_off_px for each in usable])}, lenses bend '
-        f'{_spread([each.lens_bend_px for each in usable])} in {len(usable)} pairs'
+        f'{_spread([each.lens_bend_px for each in usable])} in {_count(len(usable), "pair")}'
     )
+
+
+def _count(number: int, thing: str) -> str:
+    return f'{number} {thing}' + ('' if number == 1 else 's')
 
 
 def _spread(values: Sequence[float]) -> str:
