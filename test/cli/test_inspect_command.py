@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from faulty_recordings import cut_short, other_topics
 from hand_made import CAMERA, FIRST_STAMP_NS, SCENE, stereo_images, write_stereo_bag
-from recordings import IMAGE, INFO, ROS2, START_NS, Recorded, image, stereo_messages, write_ros2
+from recordings import (
+    IMAGE,
+    INFO,
+    ROS2,
+    START_NS,
+    Recorded,
+    image,
+    pixels,
+    stereo_messages,
+    write_ros2,
+)
 from synthetic import render
 
 from rover_obstacle_detection.cli.main import main
@@ -92,7 +102,7 @@ def test_all_that_is_missing_is_said_at_once(tmp_path, capsys):
     )
     text = inspect(capsys, bag, status=1)
     assert (
-        'missing left and right images show different moments: smallest stamp gap 50.000 ms'
+        'missing left and right images show different moments: smallest stamp gap 50.000 '
     ) in text
     assert 'missing no calibration for /cam/left/image_rect (no camera_info topic)' in text
     assert '--left-info LEFT.yaml --right-info RIGHT.yaml' in text
@@ -278,7 +288,7 @@ def test_bad_messages_are_counted(tmp_path, capsys):
     messages.insert(0, Recorded('/stereo/left/image_rect', IMAGE, unstamped, START_NS))
     bag = write_ros2(tmp_path / 'drive', messages)
     assert (
-        '/stereo/left/image_rect: 1 bad messages: header.stamp is 0 s: expected more than 0'
+        '/stereo/left/image_rect: bad messages: 1: header.stamp is 0 s: expected more than 0'
     ) in inspect(capsys, bag)
 
 
@@ -289,3 +299,49 @@ def test_only_images_of_one_side(tmp_path, capsys):
     bag = write_ros2(tmp_path / 'drive', messages)
     text = inspect(capsys, bag, status=1)
     assert 'missing only left images: /stereo/left/image_rect' in text
+
+
+def drift(count, right_period_ns):
+    """Messages of two cameras that run freely."""
+    return [
+        Recorded(
+            f'/stereo/{side}/image_rect', IMAGE, image(pixels(number, side), stamp_ns), stamp_ns
+        )
+        for number in range(count)
+        for side, period_ns in (('left', 100_000_000), ('right', right_period_ns))
+        for stamp_ns in [START_NS + 1 + number * period_ns]
+    ]
+
+
+def test_cameras_that_run_freely_are_not_synchronised(tmp_path, capsys):
+    messages = sorted(drift(41, 107_300_000)[2:], key=lambda each: each.time_ns)
+    text = inspect(capsys, write_ros2(tmp_path / 'drive', messages), status=1)
+    assert 'missing left and right images show different moments: smallest stamp gap' in text
+    assert 'approximate-sync' not in text
+
+
+def test_lost_images_do_not_change_the_tolerance(tmp_path, capsys):
+    messages = stereo_messages(9, gap_ns=1_500_000)
+    kept = [
+        each
+        for index, each in enumerate(messages)
+        if each.type_name == INFO or 'left' in each.topic or index % 8 == 2
+    ]
+    (found,) = as_json(capsys, write_ros2(tmp_path / 'drive', kept))
+    (camera,) = found['cameras']
+    assert camera['synchronisation']['approximate_sync_s'] == pytest.approx(0.002)
+    assert camera['synchronisation']['median_gap_ms'] == pytest.approx(1.5)
+    assert camera['left']['images'] == 9
+    assert camera['right']['images'] == camera['synchronisation']['pairs'] < 9
+    assert f'{9 - camera["right"]["images"]} images have no partner' in camera['warnings']
+
+
+def test_images_that_cannot_be_decoded_are_named(tmp_path, capsys):
+    def spoil(index, side, message):
+        if index < 2 and side == 'right':
+            message.encoding = 'rgb\x1b[31m'
+
+    bag = write_stereo_bag(tmp_path / 'drive', images=views(), change_image=spoil)
+    text = inspect(capsys, bag)
+    assert 'warning 2 sampled pairs cannot be used: /cam/right/image_rect: encoding is' in text
+    assert '\x1b' not in text

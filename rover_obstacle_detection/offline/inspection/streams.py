@@ -19,6 +19,8 @@ from rover_obstacle_detection.pairing import Pair, StereoPairing, shows_one_mome
 
 # With fewer equal stamps than this share of the images, a tolerance may find more pairs.
 _EQUAL_SHARE = 0.9
+# Half of the images of cameras that run freely are near to another one by chance.
+_NEAR_SHARE = 0.75
 _QUEUE_SIZE = 30
 
 
@@ -149,9 +151,10 @@ class Synchronisation:
     Parameters
     ----------
     equal_stamps : int
-        Left images with a right one of the same stamp.
+        Pairs of the same stamp.
     smallest_gap_ms, median_gap_ms : float or None
-        Of the left stamps to the nearest right ones; None without images on both sides.
+        From the stamps of the side with fewer images to the nearest ones of the other; None
+        without images on both sides.
     approximate_sync_s : float or None
         The tolerance to give; None if stamps are equal or nothing helps.
     pairs : int
@@ -170,16 +173,19 @@ def synchronise(left: Stream, right: Stream) -> tuple[Synchronisation, list[Pair
     left_ns, right_ns = np.unique(left.stamps_ns), np.unique(right.stamps_ns)
     if not (left_ns.size and right_ns.size):
         return Synchronisation(0, None, None, None, 0), []
-    after = np.clip(np.searchsorted(right_ns, left_ns), 1, max(right_ns.size - 1, 1))
-    nearest = np.stack([right_ns[after - 1], right_ns[np.minimum(after, right_ns.size - 1)]])
-    gaps_ns = np.abs(nearest - left_ns).min(axis=0)
+    few_ns, many_ns = sorted((left_ns, right_ns), key=len)
+    after = np.clip(np.searchsorted(many_ns, few_ns), 1, max(many_ns.size - 1, 1))
+    nearest = np.stack([many_ns[after - 1], many_ns[np.minimum(after, many_ns.size - 1)]])
+    gaps_ns = np.abs(nearest - few_ns).min(axis=0)
     equal = int(np.count_nonzero(gaps_ns == 0))
     spacings = [each for each in (left.spacing_ns, right.spacing_ns) if each]
     spacing_ns = min(spacings, default=None)
+    near = [int(gap) for gap in gaps_ns if shows_one_moment(int(gap), spacing_ns)]
+    farthest_ns = max(near, default=0)
     tolerance_s = None
-    if equal < _EQUAL_SHARE * min(left_ns.size, right_ns.size):
-        near = [int(gap) for gap in gaps_ns if gap and shows_one_moment(int(gap), spacing_ns)]
-        tolerance_s = rounded_up(max(near) / 1e9) if near else None
+    is_near = len(near) >= _NEAR_SHARE * gaps_ns.size
+    if farthest_ns and is_near and equal < _EQUAL_SHARE * gaps_ns.size:
+        tolerance_s = rounded_up(farthest_ns / 1e9)
     pairs = _pairs(left, right, None if tolerance_s is None else round(1e9 * tolerance_s))
     return (
         Synchronisation(

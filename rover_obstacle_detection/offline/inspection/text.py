@@ -17,8 +17,8 @@ from rover_obstacle_detection.offline.inspection.corrected_calibration import (
 from rover_obstacle_detection.offline.inspection.inspection import (
     BagInspection,
     CameraInspection,
-    Sample,
 )
+from rover_obstacle_detection.offline.inspection.sample import Sample
 from rover_obstacle_detection.offline.inspection.streams import Stream
 
 _COLUMNS = 80
@@ -244,8 +244,10 @@ def _command_lines(command: str) -> Iterator[str]:
 
 def _row(label: str, value: str) -> list[str]:
     """Wrap a value beside its label."""
+    # A recording may hold any text, also the control codes of a terminal.
+    printable = ''.join(each if each.isprintable() else '?' for each in value)
     return textwrap.wrap(
-        value,
+        printable,
         _COLUMNS,
         initial_indent=f'  {label}'.ljust(_LABEL),
         subsequent_indent=' ' * _LABEL,
