@@ -97,16 +97,35 @@ def test_the_same_as_json(bag, capsys):
 
 
 def test_all_that_is_missing_is_said_at_once(tmp_path, capsys):
+    def spoil(index, side, message):
+        message.encoding = 'yuv9'
+
     bag = write_stereo_bag(
-        tmp_path / 'drive', images=views(), infos=False, right_delay_ns=50_000_000
+        tmp_path / 'drive',
+        images=views(),
+        infos=False,
+        right_delay_ns=50_000_000,
+        change_image=spoil,
     )
     text = inspect(capsys, bag, status=1)
     assert (
         'missing left and right images show different moments: smallest stamp gap 50.000 '
     ) in text
     assert 'missing no calibration for /cam/left/image_rect (no camera_info topic)' in text
+    assert (
+        "missing no pair can be used: /cam/left/image_rect: encoding is 'yuv9': expected one of"
+    ) in text
     assert '--left-info LEFT.yaml --right-info RIGHT.yaml' in text
     assert 'not yet; then:' in text
+
+
+def test_unsynchronised_images_are_judged_one_by_one(tmp_path, capsys):
+    images = changed(right=lambda each: each // 3)
+    bag = write_stereo_bag(tmp_path / 'drive', images=images, right_delay_ns=50_000_000)
+    text = inspect(capsys, bag, status=1)
+    assert 'warning the right image is darker' in text
+    assert 'rectified yes by name; not measured' in text
+    assert 'too few matches' not in text
 
 
 @pytest.mark.parametrize('name', ['image_rect', 'image_raw'])

@@ -80,7 +80,9 @@ def what_is_doubtful(
         warnings.append(f'the calibration changes {changes} times: the first one is shown')
     if sample.bad and sample.pairs:
         warnings.append(f'{len(sample.bad)} sampled pairs cannot be used{_first(sample.bad)}')
-    return [*warnings, *_doubtful_geometry(calibration, sample), *_doubtful_images(sample)]
+    if synchronisation.pairs:
+        warnings += _doubtful_geometry(calibration, sample)
+    return [*warnings, *_doubtful_images(sample)]
 
 
 def _doubtful_geometry(calibration: Calibration, sample: Sample) -> list[str]:

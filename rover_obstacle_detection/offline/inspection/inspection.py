@@ -24,6 +24,7 @@ from rover_obstacle_detection.offline.inspection.sample import Sample, take_samp
 from rover_obstacle_detection.offline.inspection.streams import (
     Stream,
     Synchronisation,
+    in_order,
     read_streams,
     synchronise,
 )
@@ -184,7 +185,14 @@ def _inspect_camera(
 ) -> CameraInspection:
     left, right = streams[topics.left_image], streams[topics.right_image]
     synchronisation, pairs = synchronise(left, right)
-    sample = take_sample(bag, topics, pairs, calibration, SAMPLED_PAIRS)
+    sample = take_sample(
+        bag,
+        topics,
+        pairs or in_order(left, right),
+        calibration,
+        SAMPLED_PAIRS,
+        of_one_moment=bool(pairs),
+    )
     arguments = []
     if options.left_topic or options.right_topic or not is_only:
         arguments += ['--left-topic', topics.left_image, '--right-topic', topics.right_image]

@@ -53,8 +53,13 @@ def take_sample(
     pairs: Sequence[Pair],
     calibration: Calibration,
     most: int,
+    *,
+    of_one_moment: bool,
 ) -> Sample:
-    """Decode and measure up to `most` pairs that are spread over the recording."""
+    """Decode and measure up to `most` pairs that are spread over the recording.
+
+    Without `of_one_moment` the images of a pair are not compared.
+    """
     bad: list[str] = []
     images: list[tuple[ImageMeasures, ImageMeasures]] = []
     geometry: list[GeometryMeasures] = []
@@ -78,14 +83,16 @@ def take_sample(
                     f'the images are {width} x {height}, but the calibration is for '
                     f'{calibration.camera.width} x {calibration.camera.height}'
                 )
-            measured = measure_geometry(grey, calibration.camera)
-            if measured is not None:
-                geometry.append(measured)
+            usable += 1
+            if not of_one_moment:
+                continue
             if not judged:
                 reason = _refusal(grey, calibration.camera)
                 judged = not reason
                 unjudgeable.append(reason)
-            usable += 1
+            measured = measure_geometry(grey, calibration.camera)
+            if measured is not None:
+                geometry.append(measured)
         except Exception as error:
             bad.append(failure_text(error))
     return Sample(

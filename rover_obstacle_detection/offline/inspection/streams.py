@@ -199,6 +199,15 @@ def synchronise(left: Stream, right: Stream) -> tuple[Synchronisation, list[Pair
     )
 
 
+def in_order(left: Stream, right: Stream) -> list[Pair]:
+    """Pair the images in their order, whatever their stamps."""
+    sides = (zip(each.log_times_ns, each.stamps_ns, strict=True) for each in (left, right))
+    return [
+        Pair(one[1], one, other, abs(one[1] - other[1]))
+        for one, other in zip(*sides, strict=False)
+    ]
+
+
 def _pairs(left: Stream, right: Stream, tolerance_ns: int | None) -> list[Pair]:
     pairing = StereoPairing(tolerance_ns, _QUEUE_SIZE)
     events = sorted(
