@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import takewhile
+from typing import Literal, NamedTuple
 
 from rover_obstacle_detection.errors import BagError
 
@@ -14,13 +15,28 @@ COMPRESSED_TYPE = 'sensor_msgs/msg/CompressedImage'
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
 IMAGE_TYPES = (IMAGE_TYPE, COMPRESSED_TYPE)
 
-# Words that name the left camera, with their right counterparts; infra1/infra2 is RealSense.
-_COUNTERPARTS = {'left': 'right', 'infra1': 'infra2'}
-_LEFT_WORD = re.compile(rf'(?<![a-z])({"|".join(_COUNTERPARTS)})(?![a-z0-9])', re.I)
-_RIGHT_WORD = re.compile(rf'(?<![a-z])({"|".join(_COUNTERPARTS.values())})(?![a-z0-9])', re.I)
+# Words that name the left camera, with their right counterparts; infra1/infra2 is RealSense, and
+# cam0/cam1 EuRoC.
+_COUNTERPARTS = {'left': 'right', 'infra1': 'infra2', '0': '1'}
+
+
+class _Naming(NamedTuple):
+    """What names the cameras of a pair in their topics."""
+
+    left: re.Pattern[str]
+    right: re.Pattern[str]
+
+
+_WORD = r'((?<![a-z])|(?<=front)|(?<=rear)|(?<=back))({})(?![a-z0-9])'
+_NUMBER = r'((?<=cam)|(?<=camera)|(?<=cam_)|(?<=camera_)){}(?![a-z0-9])'
+_NAMED = _Naming(
+    *(re.compile(_WORD.format(words), re.I) for words in ('left|infra1', 'right|infra2'))
+)
+# Numbers say less than words: they count only in a recording without a pair that words name.
+_NUMBERED = _Naming(*(re.compile(_NUMBER.format(number), re.I) for number in '01'))
 # These words describe the image, not the camera: left_raw and left are one camera.
 _IMAGE_WORDS = re.compile(
-    r'(?<![a-z])(camera_info|image|raw|rect|colou?r|gr[ae]y|mono)(?![a-z])', re.I
+    r'(?<![a-z])(camera_info|info|image|raw|rect|colou?r|gr[ae]y|mono)(?![a-z])', re.I
 )
 _NOT_CAMERA_IMAGES = re.compile(
     r'depth|disparity|mask|label|instance|segment|semantic|confidence|normal|debug|detection', re.I
@@ -76,8 +92,28 @@ def find_stereo_topics(
         left_image, right_image = _find_images(topics, left_image, right_image)
     if left_image == right_image:
         raise BagError(f'left and right image topic are both {left_image}: expected two topics')
-    left_info = _find_info(topics, left_image, _LEFT_WORD)
-    right_info = _find_info(topics, right_image, _RIGHT_WORD)
+    return _with_infos(topics, left_image, right_image)
+
+
+def stereo_cameras(topics: Mapping[str, str]) -> list[StereoTopics]:
+    """Find the topics of every stereo camera; see `find_stereo_topics`.
+
+    Parameters
+    ----------
+    topics : mapping of str to str
+        Message type of each topic in the recording.
+
+    Returns
+    -------
+    list of StereoTopics
+        The preferred images of each camera, sorted; empty if there is none.
+    """
+    return [_with_infos(topics, *images) for images in _preferred_pairs(topics)]
+
+
+def _with_infos(topics: Mapping[str, str], left_image: str, right_image: str) -> StereoTopics:
+    left_info = _find_info(topics, left_image, 'left')
+    right_info = _find_info(topics, right_image, 'right')
     if left_info == right_info:
         # A camera_info that both images share describes neither camera reliably.
         left_info = right_info = None
@@ -96,50 +132,59 @@ def _check_given(topics: Mapping[str, str], name: str | None) -> None:
 def _find_images(
     topics: Mapping[str, str], left: str | None, right: str | None
 ) -> tuple[str, str]:
-    pairs = _image_pairs(topics)
     if left is not None or right is not None:
-        pairs = [pair for pair in pairs if left == pair[0] or right == pair[1]]
-        if not pairs:
-            given, other = (left, 'right') if left is not None else (right, 'left')
-            raise BagError(
-                f'no {other} image topic matches {given}: give --{other}-topic; '
-                f'{_contents(topics)}'
-            )
-        return pairs[0]
-    cameras: dict[str, list[tuple[str, str]]] = {}
-    for pair in pairs:
-        cameras.setdefault(_camera_key(pair[0], _LEFT_WORD), []).append(pair)
-    if not cameras:
+        for naming in (_NAMED, _NUMBERED):
+            for pair in _image_pairs(topics, naming):
+                if left == pair[0] or right == pair[1]:
+                    return pair
+        given, other = (left, 'right') if left is not None else (right, 'left')
+        raise BagError(
+            f'no {other} image topic matches {given}: give --{other}-topic; {_contents(topics)}'
+        )
+    best = _preferred_pairs(topics)
+    if not best:
         raise BagError(_no_pair(topics))
-    best = [min(each, key=lambda pair: _rank(pair[0], topics)) for each in cameras.values()]
     if len(best) > 1:
-        listed = '; '.join(f'{one} and {other}' for one, other in sorted(best))
+        listed = '; '.join(f'{one} and {other}' for one, other in best)
         raise BagError(
             f'{len(best)} stereo cameras: {listed}: choose one with --left-topic and --right-topic'
         )
     return best[0]
 
 
-def _image_pairs(topics: Mapping[str, str]) -> list[tuple[str, str]]:
+def _preferred_pairs(topics: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return the preferred image topics of each stereo camera, sorted."""
+    for naming in (_NAMED, _NUMBERED):
+        cameras: dict[str, list[tuple[str, str]]] = {}
+        for pair in _image_pairs(topics, naming):
+            cameras.setdefault(_camera_key(pair[0], naming.left), []).append(pair)
+        if cameras:
+            return sorted(
+                min(each, key=lambda pair: _rank(pair[0], topics)) for each in cameras.values()
+            )
+    return []
+
+
+def _image_pairs(topics: Mapping[str, str], naming: _Naming) -> list[tuple[str, str]]:
     pairs = []
     for name in sorted(topics):
-        if not _is_camera_image(name, topics):
+        if not _is_camera_image(name, topics, naming):
             continue
-        for partner in _right_names(name):
+        for partner in _right_names(name, naming.left):
             if topics.get(partner) == topics[name]:
                 pairs.append((name, partner))
                 break
     return pairs
 
 
-def _right_names(left: str) -> list[str]:
+def _right_names(left: str, side: re.Pattern[str]) -> list[str]:
     """Names that the right topic may have: one left word replaced, or all of them."""
-    words = list(_LEFT_WORD.finditer(left))
+    words = list(side.finditer(left))
     one = [
         left[: word.start()] + _counterpart(word.group()) + left[word.end() :]
         for word in reversed(words)
     ]
-    return [*one, _LEFT_WORD.sub(lambda word: _counterpart(word.group()), left)] if words else []
+    return [*one, side.sub(lambda word: _counterpart(word.group()), left)] if words else []
 
 
 def _counterpart(word: str) -> str:
@@ -150,11 +195,13 @@ def _counterpart(word: str) -> str:
     return counterpart.capitalize() if word[0].isupper() else counterpart
 
 
-def _is_camera_image(name: str, topics: Mapping[str, str]) -> bool:
+def _is_camera_image(name: str, topics: Mapping[str, str], naming: _Naming = _NAMED) -> bool:
     if topics[name] not in IMAGE_TYPES:
         return False
+    side = _NAMED.left.search(name) or _NAMED.right.search(name)
+    if naming is _NUMBERED:
+        return not side and not _NOT_CAMERA_IMAGES.search(name)
     # The part before the left or right word is a namespace and does not describe the image.
-    side = _LEFT_WORD.search(name) or _RIGHT_WORD.search(name)
     start = name.rfind('/', 0, side.start()) + 1 if side else 0
     return not _NOT_CAMERA_IMAGES.search(name, start)
 
@@ -188,10 +235,14 @@ def _camera_key(topic: str, side: re.Pattern[str]) -> str:
     return topic[:start] + rest
 
 
-def _find_info(topics: Mapping[str, str], image: str, side: re.Pattern[str]) -> str | None:
+def _find_info(
+    topics: Mapping[str, str], image: str, side_name: Literal['left', 'right']
+) -> str | None:
     sibling = image.removesuffix(_TRANSPORT).rpartition('/')[0] + '/camera_info'
     if topics.get(sibling) == INFO_TYPE:
         return sibling
+    named = getattr(_NAMED, side_name)
+    side = named if named.search(image) else getattr(_NUMBERED, side_name)
     key = _camera_key(image, side)
     same_camera = (
         name
@@ -204,8 +255,8 @@ def _find_info(topics: Mapping[str, str], image: str, side: re.Pattern[str]) -> 
 def _no_pair(topics: Mapping[str, str]) -> str:
     images = [name for name in sorted(topics) if _is_camera_image(name, topics)]
     for side, other, words in (
-        ('left', 'right', _LEFT_WORD),
-        ('right', 'left', _RIGHT_WORD),
+        ('left', 'right', _NAMED.left),
+        ('right', 'left', _NAMED.right),
     ):
         unpaired = [name for name in images if words.search(name)]
         if unpaired:

@@ -19,6 +19,7 @@ from rover_obstacle_detection.errors import ObstacleDetectionError, failure_text
 
 COMMAND_MODULES = (
     'rover_obstacle_detection.cli.replay_command',
+    'rover_obstacle_detection.cli.inspect_command',
     'rover_obstacle_detection.cli.detect_command',
     'rover_obstacle_detection.cli.run_command',
     'rover_obstacle_detection.cli.play_command',

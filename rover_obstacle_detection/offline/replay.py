@@ -305,12 +305,12 @@ def _nothing_usable(
         gap_s = gap_ns / 1e9
         line = f'{path}: no pair: {counts}, smallest stamp gap {1000 * gap_s:.3f} ms'
         if shows_one_moment(gap_ns, statistics.spacing_ns):
-            return f'{line}; try --approximate-sync {_rounded_up(gap_s):g}'
+            return f'{line}; try --approximate-sync {rounded_up(gap_s):g}'
         return f'{line}: the images show different moments: expected synchronised cameras'
     return f'{path}: no pair: {counts} in the selected part'
 
 
-def _rounded_up(value: float) -> float:
+def rounded_up(value: float) -> float:
     """Round up to one significant digit."""
     unit = 10.0 ** math.floor(math.log10(value))
     return math.ceil(value / unit * 1.000001) * unit

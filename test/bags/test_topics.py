@@ -5,14 +5,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recordings import COMPRESSED, IMAGE, INFO, TEXT
 
-from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
+from rover_obstacle_detection.bags.topics import (
+    StereoTopics,
+    find_stereo_topics,
+    stereo_cameras,
+)
 from rover_obstacle_detection.errors import BagError
 
 
 def topics(*names):
     """Map each topic to the message type that its name implies."""
-    types = {'compressed': COMPRESSED, 'camera_info': INFO, 'log': TEXT}
-    return {name: types.get(name.rpartition('/')[2], IMAGE) for name in names}
+    types = {'compressed': COMPRESSED, 'log': TEXT}
+    return {
+        name: INFO if name.endswith('info') else types.get(name.rpartition('/')[2], IMAGE)
+        for name in names
+    }
 
 
 def both(*names):
@@ -34,6 +41,13 @@ def both(*names):
         ('/navcam_{}', '/navcam_{}/camera_info'),
         ('/{}_image', '/{}_camera_info'),
         ('/obstacle_detection/{}/image_rect', '/obstacle_detection/{}/camera_info'),
+        ('/front{}/image_raw', '/front{}/camera_info'),
+        ('/front_{}/image_raw', '/front_{}/camera_info'),
+        ('/rear{}/image', '/rear{}/camera_info'),
+        ('/{}_image_rect', '/{}_info'),
+        ('/stereo/{}_image', '/stereo/{}_info'),
+        ('/stereo/{}_image', '/stereo/{}/camera_info'),
+        ('/zed/{}_raw', '/zed/{}_info'),
         ('/zed/zed_node/{}_raw/image_raw_color', '/zed/zed_node/{}_raw/camera_info'),
     ],
 )
@@ -46,6 +60,58 @@ def test_topics_are_found_by_name_in_any_namespace(name, info):
     assert find_stereo_topics(kinds) == StereoTopics(
         *(each.format(side) for each in (name, info) for side in ('left', 'right'))
     )
+
+
+@pytest.mark.parametrize(
+    ('name', 'info'),
+    [
+        ('/cam{}/image_raw', '/cam{}/camera_info'),
+        ('/camera{}', '/camera{}/camera_info'),
+        ('/rover/camera_{}/image_rect', '/rover/camera_{}/camera_info'),
+        ('/navcam{}/image_raw/compressed', '/navcam{}/camera_info'),
+    ],
+)
+def test_numbered_cameras_are_a_pair(name, info):
+    names = [each.format(number) for each in (name, info) for number in (0, 1)]
+    assert find_stereo_topics(topics(*names)) == StereoTopics(*names)
+    assert stereo_cameras(topics(*names)) == [StereoTopics(*names)]
+
+
+@pytest.mark.parametrize(
+    'names',
+    [
+        ('/cam0/image_raw',),
+        ('/cam0/image_raw', '/cam2/image_raw'),
+        ('/cam1/image_raw', '/cam2/image_raw'),
+        ('/image0', '/image1'),
+        ('/scamp0/image', '/scamp1/image'),
+        ('/cam0/depth/image', '/cam1/depth/image'),
+        ('/mask/cam0/image', '/mask/cam1/image'),
+        ('/segmentation_cam0', '/segmentation_cam1'),
+        ('/camera0/left/image', '/camera1/left/image'),
+    ],
+)
+def test_other_numbers_name_no_pair(names):
+    with pytest.raises(BagError, match=r'no stereo topics|only left images'):
+        find_stereo_topics(topics(*names))
+    assert stereo_cameras(topics(*names)) == []
+
+
+def test_words_win_over_numbers():
+    kinds = {**both('/s/{}/image_rect'), **topics('/cam0/image_raw', '/cam1/image_raw')}
+    assert find_stereo_topics(kinds).left_image == '/s/left/image_rect'
+    found = find_stereo_topics(kinds, left_image='/cam0/image_raw')
+    assert found.right_image == '/cam1/image_raw'
+    several = both('/camera0/{}/image', '/camera1/{}/image')
+    assert [each.right_image for each in stereo_cameras(several)] == [
+        '/camera0/right/image',
+        '/camera1/right/image',
+    ]
+
+
+def test_front_and_rear_are_two_cameras():
+    with pytest.raises(BagError, match='2 stereo cameras: /frontleft/image and /frontright/image'):
+        find_stereo_topics(both('/front{}/image', '/rear{}/image'))
 
 
 def test_an_infrared_pair_is_found():
@@ -190,7 +256,7 @@ def test_the_namespace_is_the_common_prefix(image, namespace):
         ),
         (topics('/log'), {'left_image': '/log'}, 'topic /log is std_msgs/msg/String: expected'),
         (
-            topics('/cam0/image', '/cam1/image'),
+            topics('/cam0/image', '/cam2/image'),
             {'left_image': '/cam0/image'},
             'no right image topic matches /cam0/image: give --right-topic; the recording has',
         ),

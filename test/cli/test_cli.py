@@ -26,7 +26,7 @@ def test_version():
 
 
 @pytest.mark.parametrize(
-    'command', ['replay', 'detect', 'run', 'play', 'evaluate', 'simulate', 'tune']
+    'command', ['replay', 'inspect', 'detect', 'run', 'play', 'evaluate', 'simulate', 'tune']
 )
 def test_every_command_has_help_with_an_example(command, capsys):
     for arguments in (['--help'], [command, '--help']):

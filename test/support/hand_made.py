@@ -104,6 +104,7 @@ def write_stereo_bag(
     sides=('left', 'right'),
     infos=True,
     encoding='mono8',
+    name='image_rect',
     change_image=None,
     change_info=None,
 ):
@@ -125,7 +126,7 @@ def write_stereo_bag(
                 if change_image:
                     message = change_image(index, side, message) or message
                 kind = 'CompressedImage' if hasattr(message, 'format') else 'Image'
-                bag.add(f'/cam/{side}/image_rect', f'sensor_msgs/msg/{kind}', message, stamp_ns)
+                bag.add(f'/cam/{side}/{name}', f'sensor_msgs/msg/{kind}', message, stamp_ns)
                 if infos:
                     info = camera_info(bag.factory, header, side)
                     if change_info:

@@ -91,7 +91,7 @@ def _fault(pair: GreyPair, parameters: SupportParameters) -> str:
     for side, ratio in zip(('left', 'right'), _sharpness_ratios(pair), strict=True):
         if ratio < parameters.min_sharpness_ratio:
             return f'the {side} image is out of focus or smeared'
-    rows = _row_offset(pair, parameters)
+    rows = row_offset(pair, parameters)
     if rows:
         where = 'lower' if rows > 0 else 'higher'
         return f'the right image is {abs(rows)} rows {where} than the left one, rectify them'
@@ -114,7 +114,7 @@ def _sharpness(image: Grey) -> float:
     return float((fine.std() + 0.1) / (coarse.std() + 0.1))
 
 
-def _row_offset(pair: GreyPair, parameters: SupportParameters) -> int:
+def row_offset(pair: GreyPair, parameters: SupportParameters) -> int:
     """Rows by which the right image is lower, from the means of strips; 0 if none stand out.
 
     The grey level summed along strips of rows hardly depends on disparity.

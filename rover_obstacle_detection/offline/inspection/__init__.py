@@ -1,0 +1,1 @@
+"""Say of a recording what the detector needs: topics, synchronisation, calibration, images."""

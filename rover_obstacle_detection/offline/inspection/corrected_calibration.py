@@ -1,0 +1,234 @@
+"""Write the calibration of a recording with its row misalignment corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
+from rover_obstacle_detection.errors import BagError, CameraError, OutputError
+from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
+from rover_obstacle_detection.messages.rectification import StereoRectification
+from rover_obstacle_detection.offline.inspection.inspection import BagInspection, CameraInspection
+from rover_obstacle_detection.offline.inspection.pairs import as_grey, measure_rows, sample_images
+from rover_obstacle_detection.offline.output_file import atomic_write_text, check_output_file
+
+MOST_PAIRS = 30
+_MIN_PAIRS = 3
+_MAX_SPREAD_PX = 0.5
+_SPREAD_SHARE = 0.8
+_SETTLED_PX = 0.02
+_MAX_REMAINING_PX = 0.1
+_MAX_ROUNDS = 6
+
+
+@dataclass(frozen=True)
+class CorrectedCalibration:
+    """The files that were written, and what they correct.
+
+    Parameters
+    ----------
+    files : tuple of two Path
+        Of the left and the right camera.
+    pairs : int
+        Measured pairs.
+    rows_off_px, remaining_px : float
+        Median rows by which the right image is off at the worst border, before and after.
+    spread_px : float
+        80 % of the pairs are within this distance of the median.
+    for_raw_images : bool
+        Whether the recorded images are rectified already, so that the files do not apply to them.
+    """
+
+    files: tuple[Path, Path]
+    pairs: int
+    rows_off_px: float
+    remaining_px: float
+    spread_px: float
+    for_raw_images: bool
+
+
+def write_corrected_calibration(
+    bag: BagInspection, folder: Path, *, force: bool
+) -> CorrectedCalibration:
+    """Write ``left.yaml`` and ``right.yaml``, so that rectified rows of the recording agree.
+
+    The right camera gets another principal row in K, and another rotation about the optical axis
+    in R. Lens distortion is left as it is.
+
+    Parameters
+    ----------
+    bag : BagInspection
+        With one stereo camera.
+    folder : Path
+        Is created if needed.
+    force : bool
+        Replace existing files.
+
+    Raises
+    ------
+    ObstacleDetectionError
+        If there is no valid calibration, the rows of the pairs differ too much to come from the
+        calibration, or the files cannot be written.
+    """
+    camera, calibration = _only_camera(bag)
+    files = folder / 'left.yaml', folder / 'right.yaml'
+    if folder.is_dir():
+        for file in files:
+            check_output_file(file, force=force)
+    is_rectified = camera.topics.is_rectified
+    # The calibration of the images as they are recorded.
+    recorded = _of_rectified_images(calibration) if is_rectified else calibration
+    images = _images(bag.path, camera)
+    measured = _measure(images, recorded)
+    spread_px = _checked_spread_px(measured, recorded, bag.path)
+    first = remaining = _median(measured)
+    recorded_right, right = recorded.right, calibration.right
+    for _ in range(_MAX_ROUNDS):
+        if remaining.most_px(recorded.camera) <= _SETTLED_PX:
+            break
+        recorded_right, right = (_with_rows(each, remaining) for each in (recorded_right, right))
+        remaining = _median(_measure(images, replace(recorded, right=recorded_right)))
+    remaining_px = remaining.most_px(recorded.camera)
+    if remaining_px > _MAX_REMAINING_PX:
+        raise CameraError(
+            f'{bag.path}: the rows are still off by {remaining_px:.2f} px with the corrected '
+            f'calibration: expected at most {_MAX_REMAINING_PX} px'
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f'{folder}: cannot be created: {error.strerror}') from None
+    for file, info in zip(files, (calibration.left, right), strict=True):
+        atomic_write_text(file, camera_info_yaml(info, file.stem))
+    return CorrectedCalibration(
+        files,
+        len(measured),
+        first.most_px(recorded.camera),
+        remaining_px,
+        spread_px,
+        is_rectified,
+    )
+
+
+def _only_camera(bag: BagInspection) -> tuple[CameraInspection, StereoCalibration]:
+    if len(bag.cameras) != 1:
+        raise BagError(
+            f'{bag.path}: has {len(bag.cameras)} stereo cameras: expected one to calibrate, give '
+            '--left-topic and --right-topic'
+        )
+    (camera,) = bag.cameras
+    calibration = camera.calibration.stereo
+    if calibration is None:
+        raise CameraError(f'{bag.path}: no calibration to correct: {camera.calibration.problem}')
+    geometry = camera.sample.geometry
+    if sum(each.swapped for each in geometry) > len(geometry) / 2:
+        raise CameraError(f'{bag.path}: left and right images are swapped: exchange the topics')
+    for side, info in (('left', calibration.left), ('right', calibration.right)):
+        roi = info.roi
+        is_cropped = roi is not None and any((roi.x_offset, roi.y_offset, roi.width, roi.height))
+        if is_cropped or max(info.binning_x, info.binning_y) > 1:
+            raise CameraError(
+                f'{bag.path}: the {side} camera_info has a region of interest or binning, which '
+                'calibration files cannot hold: expected full images'
+            )
+    return camera, calibration
+
+
+def _of_rectified_images(calibration: StereoCalibration) -> StereoCalibration:
+    def rectified(info: CameraInfo) -> CameraInfo:
+        k = np.reshape(info.p, (3, 4))[:, :3]
+        return replace(
+            info,
+            distortion_model='plumb_bob',
+            d=(),
+            k=_numbers(k),
+            r=_numbers(np.identity(3)),
+        )
+
+    left, right = rectified(calibration.left), rectified(calibration.right)
+    return StereoCalibration(left, right, calibration.source)
+
+
+def _images(path: Path, camera: CameraInspection) -> list[GreyPair]:
+    with open_bag(path) as bag:
+        return [
+            as_grey(*decoded)
+            for decoded in sample_images(bag, camera.topics, camera.pairs, MOST_PAIRS)
+            if not isinstance(decoded, Exception) and decoded[0].shape == decoded[1].shape
+        ]
+
+
+def _measure(images: Sequence[GreyPair], calibration: StereoCalibration) -> list[RowAlignment]:
+    rectify = StereoRectification(calibration)
+    pairs = (as_grey(*rectify(*pair)) for pair in images)
+    return [rows for pair in pairs if (rows := measure_rows(pair, calibration.camera))]
+
+
+def _median(measured: Sequence[RowAlignment]) -> RowAlignment:
+    offset_px, turn = np.median([(each.offset_px, each.turn) for each in measured], axis=0)
+    return RowAlignment(float(offset_px), float(turn))
+
+
+def _checked_spread_px(
+    measured: Sequence[RowAlignment], calibration: StereoCalibration, path: Path
+) -> float:
+    """Return how far most pairs stay within the median; refuse what no calibration explains."""
+    if len(measured) < _MIN_PAIRS:
+        raise CameraError(
+            f'{path}: the rows can be measured in {len(measured)} pairs: expected at '
+            f'least {_MIN_PAIRS}'
+        )
+    median = _median(measured)
+    off_px = [
+        RowAlignment(each.offset_px - median.offset_px, each.turn - median.turn).most_px(
+            calibration.camera
+        )
+        for each in measured
+    ]
+    spread_px = float(np.quantile(off_px, _SPREAD_SHARE))
+    if spread_px > _MAX_SPREAD_PX:
+        raise CameraError(
+            f"{path}: the rows of {len(measured)} pairs scatter too much to be one camera's: "
+            f'{_SPREAD_SHARE:.0%} are within {spread_px:.2f} px of the median: expected at most '
+            f'{_MAX_SPREAD_PX} px; is a camera loose, or are the images not synchronised?'
+        )
+    return spread_px
+
+
+def _with_rows(info: CameraInfo, rows: RowAlignment) -> CameraInfo:
+    """Take the rows by which the right image is off into its calibration."""
+    k = np.reshape(info.k, (3, 3)).copy()
+    k[1, 2] += rows.offset_px * k[1, 1] / info.p[5]
+    cosine, sine = np.cos(rows.turn), np.sin(rows.turn)
+    turn = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+    return replace(info, k=_numbers(k), r=_numbers(turn @ np.reshape(info.r, (3, 3))))
+
+
+def camera_info_yaml(info: CameraInfo, name: str) -> str:
+    """Write a calibration as ROS's camera_calibration does."""
+
+    def matrix(key: str, rows: int, values: Sequence[float]) -> str:
+        data = ', '.join(repr(float(value)) for value in values)
+        return f'{key}:\n  rows: {rows}\n  cols: {len(values) // rows}\n  data: [{data}]\n'
+
+    return (
+        f'image_width: {info.width}\n'
+        f'image_height: {info.height}\n'
+        f'camera_name: {name}\n'
+        + matrix('camera_matrix', 3, info.k)
+        + f'distortion_model: {info.distortion_model or "plumb_bob"}\n'
+        + matrix('distortion_coefficients', 1, info.d or (0.0,) * 5)
+        + matrix('rectification_matrix', 3, info.r)
+        + matrix('projection_matrix', 3, info.p)
+    )
+
+
+def _numbers(matrix: NDArray[np.float64]) -> tuple[float, ...]:
+    return tuple(float(value) for value in matrix.ravel())

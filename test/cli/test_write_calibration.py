@@ -1,0 +1,192 @@
+import json
+
+import cv2
+import numpy as np
+import pytest
+from hand_made import CAMERA, SCENE, write_stereo_bag
+from synthetic import render
+
+from rover_obstacle_detection.cli.main import main
+from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.messages.calibration import (
+    load_camera_info,
+    load_stereo_calibration,
+)
+from rover_obstacle_detection.messages.rectification import StereoRectification
+
+PITCHES_DEG = (40.0, 44.0, 48.0)
+
+
+def moved(image, rows, turn_deg):
+    """Move an image down and turn it clockwise about its centre."""
+    turn = np.radians(turn_deg)
+    centre = np.array([CAMERA.cx, CAMERA.cy])
+    matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    shift = centre - matrix @ centre + (0, rows)
+    size = CAMERA.width, CAMERA.height
+    return cv2.warpAffine(
+        image, np.column_stack([matrix, shift]), size, borderMode=cv2.BORDER_REPLICATE
+    )
+
+
+def views(*faults):
+    """Pairs whose right images are moved by rows and turned by degrees."""
+    rendered = [render(SCENE.with_(pitch_deg=pitch)) for pitch in PITCHES_DEG]
+    return [
+        (view.left, moved(view.right, *fault))
+        for view, fault in zip(rendered, faults, strict=True)
+    ]
+
+
+def write(tmp_path, faults, name='image_raw', **options):
+    return write_stereo_bag(tmp_path / 'drive', images=views(*faults), name=name, **options)
+
+
+def run(bag, folder, *options, status=0):
+    assert main(['inspect', str(bag), '--write-calibration', str(folder), *options]) == status
+
+
+@pytest.mark.parametrize('fault', [(1.4, 0.0), (-0.8, 0.5), (0.0, -0.6), (7.0, 0.2)])
+@pytest.mark.parametrize('name', ['image_raw', 'image_rect'])
+def test_rows_agree_with_the_corrected_calibration(tmp_path, capsys, fault, name):
+    bag = write(tmp_path, [fault] * 3, name)
+    folder = tmp_path / 'corrected'
+    # Rectified images that are seven rows off cannot be replayed, and the files do not change it.
+    is_hopeless = name == 'image_rect' and fault[0] == 7
+    run(bag, folder, '--json', status=int(is_hopeless))
+    (found,) = json.loads(capsys.readouterr().out)
+    written = found['written_calibration']
+    rows, turn_deg = fault
+    expected_px = abs(rows) + abs(np.radians(turn_deg)) * CAMERA.width / 2
+    assert written['rows_off_px'] == pytest.approx(expected_px, abs=0.3)
+    assert written['pairs'] == 3
+    assert written['spread_px'] < 0.1
+    assert written['files'] == [str(folder / 'left.yaml'), str(folder / 'right.yaml')]
+
+    calibration = load_stereo_calibration(folder / 'left.yaml', folder / 'right.yaml')
+    assert calibration.camera == CAMERA
+    assert StereoRectification(calibration).is_needed
+    for left, right in views(*[fault] * 3):
+        pair = StereoRectification(calibration)(left, right)
+        detection = Detector(CAMERA).detect(*pair)
+        assert detection.alignment.most_px(CAMERA) < 0.1
+
+
+def raw_image(image, d, r):
+    """Image of a distorted, turned camera whose rectified image is given."""
+    k = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]])
+    columns, rows = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))
+    raw = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2).astype(np.float64)
+    places = cv2.undistortPoints(raw, k, d, R=r, P=k).reshape(*CAMERA.shape, 2)
+    places = places.astype(np.float32)
+    return cv2.remap(image, places[..., 0], places[..., 1], cv2.INTER_CUBIC)
+
+
+def test_distortion_and_rotation_of_the_calibration_are_kept(tmp_path, capsys):
+    d = np.array([-0.08, 0.01, 0.0, 0.0, 0.0])
+    left_r, right_r, wrong_r = (
+        cv2.Rodrigues(np.array(vector))[0]
+        for vector in ((0.0, 0.02, 0.0), (0.01, -0.02, 0.005), (0.014, -0.02, 0.011))
+    )
+    rendered = [render(SCENE.with_(pitch_deg=pitch)) for pitch in PITCHES_DEG]
+    images = [
+        (raw_image(view.left, d, left_r), raw_image(view.right, d, right_r)) for view in rendered
+    ]
+
+    def change(side, info):
+        info.d = d
+        info.r = (left_r if side == 'left' else wrong_r).ravel()
+
+    bag = write_stereo_bag(tmp_path / 'drive', images=images, name='image_raw', change_info=change)
+    run(bag, tmp_path, '--json')
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found['written_calibration']['rows_off_px'] > 1
+    assert found['written_calibration']['remaining_px'] < 0.1
+    assert all(each['rows_off_px'] < 0.1 for each in found['cameras'][0]['sample']['geometry'])
+    left, right = (load_camera_info(tmp_path / f'{side}.yaml') for side in ('left', 'right'))
+    assert left.d == right.d == tuple(d)
+    assert left.r == pytest.approx(tuple(left_r.ravel()))
+    assert right.r == pytest.approx(tuple(right_r.ravel()), abs=0.005)
+
+
+def test_the_command_uses_the_files_for_raw_images(tmp_path, capsys, monkeypatch):
+    bag = write(tmp_path, [(2.0, 0.1)] * 3)
+    monkeypatch.chdir(tmp_path)
+    run(bag, 'corrected')
+    text = ' '.join(capsys.readouterr().out.split())
+    assert '--left-info corrected/left.yaml' in text
+    assert '--right-info corrected/right.yaml' in text
+    assert 'written corrected/left.yaml and corrected/right.yaml: rows off 2.' in text
+    assert 'lens distortion is not corrected' in text
+    assert 'recalibrate' not in text
+
+
+def test_files_do_not_apply_to_rectified_images(tmp_path, capsys):
+    bag = write(tmp_path, [(1.0, 0.0)] * 3, 'image_rect')
+    run(bag, tmp_path / 'corrected')
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'Those of this recording are rectified already: give the files to the camera' in text
+    assert '--left-info' not in text
+
+
+def test_a_correct_calibration_is_written_as_it_is(tmp_path, capsys):
+    bag = write(tmp_path, [(0.0, 0.0)] * 3)
+    folder = tmp_path / 'corrected'
+    run(bag, folder)
+    right = load_camera_info(folder / 'right.yaml')
+    assert right.p == pytest.approx(
+        (
+            *(CAMERA.fx, 0, CAMERA.cx, -CAMERA.fx * CAMERA.baseline_m),
+            *(0, CAMERA.fy, CAMERA.cy, 0),
+            *(0, 0, 1, 0),
+        )
+    )
+    assert right.k[5] == pytest.approx(CAMERA.cy, abs=0.1)
+    assert (right.width, right.height, right.distortion_model) == (320, 240, 'plumb_bob')
+
+
+@pytest.mark.parametrize(
+    ('faults', 'options', 'words'),
+    [
+        (
+            [(-1.5, 0.0), (0.0, 0.0), (1.5, 0.0)],
+            {},
+            "the rows of 3 pairs scatter too much to be one camera's: 80% are within 1.",
+        ),
+        (
+            [(0.0, 0.0)] * 3,
+            {'pairs': 2},
+            'the rows can be measured in 2 pairs: expected at least 3',
+        ),
+        ([(0.0, 0.0)] * 3, {'infos': False}, 'no calibration to correct: no calibration for'),
+        (
+            [(0.0, 0.0)] * 3,
+            {'change_info': lambda side, info: setattr(info, 'binning_x', 2)},
+            'the left camera_info has a region of interest or binning',
+        ),
+    ],
+)
+def test_refusals_leave_no_files(tmp_path, capsys, faults, options, words):
+    bag = write(tmp_path, faults, **options)
+    run(bag, tmp_path / 'corrected', status=1)
+    out, err = capsys.readouterr()
+    assert words in err
+    assert len(err.splitlines()) == 1
+    assert 'stereo camera /cam' in out
+    assert not (tmp_path / 'corrected').exists()
+
+
+def test_existing_files_are_kept_without_force(tmp_path, capsys):
+    bag = write(tmp_path, [(0.0, 0.0)] * 3)
+    (tmp_path / 'left.yaml').write_text('mine')
+    run(bag, tmp_path, status=1)
+    assert 'left.yaml exists: give --force to replace it' in capsys.readouterr().err
+    assert (tmp_path / 'left.yaml').read_text() == 'mine'
+    run(bag, tmp_path, '--force')
+    assert 'image_width: 320' in (tmp_path / 'left.yaml').read_text()
+
+
+def test_it_takes_one_bag(capsys):
+    with pytest.raises(SystemExit, match='2'):
+        main(['inspect', 'one', 'two', '--write-calibration', 'corrected'])
+    assert '--write-calibration is given with 2 bags: expected one' in capsys.readouterr().err
