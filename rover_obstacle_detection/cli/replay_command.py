@@ -27,7 +27,7 @@ from rover_obstacle_detection.cli.interruption import Interruption
 from rover_obstacle_detection.errors import NothingDoneError
 
 if TYPE_CHECKING:
-    from rover_obstacle_detection.offline.replay import ReplayOptions
+    from rover_obstacle_detection.offline.replay_options import ReplayOptions
 
 DESCRIPTION = """\
 Detect obstacles in recorded bags: rosbag2 (mcap or sqlite3) or rosbag1.
@@ -36,6 +36,8 @@ Writes to DIR, or to DIR/<name of the bag> if there are several bags:
   detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points and ground_points in the
                  camera's namespace, with the stamps and frames of the left images
   summary.json   counts, parameters, versions, and the figures and times of each frame
+  obstacles.csv  one row per frame and obstacle
+  report.html    with --report: one page, without external files, that shows the whole replay
   images         with --images: overlay, disparity, regions, seed regions, roughness and step,
                  and obstacle map of each frame
 """
@@ -64,6 +66,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_detector_arguments(parser)
     output = add_output_arguments(parser)
     output.add_argument('--images', action='store_true', help='write pictures of every frame')
+    output.add_argument(
+        '--report',
+        action='store_true',
+        help='write a page with a timeline, pictures and the worst frames (needs the extra '
+        '"report")',
+    )
     output.add_argument(
         '--workers',
         metavar='N',
@@ -115,6 +123,10 @@ def run(arguments: argparse.Namespace) -> int:
     from rover_obstacle_detection.offline.summary import ReplaySummary
     from rover_obstacle_detection.offline.summary_table import replay_table
 
+    if arguments.report:
+        from rover_obstacle_detection.report.extra import require_report_libraries
+
+        require_report_libraries()
     options = _options(arguments)
     check_output_folder(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
@@ -138,7 +150,7 @@ def run(arguments: argparse.Namespace) -> int:
         console = Console(highlight=False)
         console.print(replay_table([summaries[index] for index in sorted(summaries)]))
         for index in sorted(summaries):
-            _print_paths(jobs[index].output, arguments.images)
+            _print_paths(jobs[index].output, options)
     for index, summary in sorted(summaries.items()):
         if summary.interrupted:
             kept = f'{len(summary.frames)} of about {summary.expected} pairs of {summary.bag}'
@@ -149,7 +161,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _options(arguments: argparse.Namespace) -> ReplayOptions:
-    from rover_obstacle_detection.offline.replay import ReplayOptions
+    from rover_obstacle_detection.offline.replay_options import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
     tolerance_s = arguments.approximate_sync
@@ -165,12 +177,17 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
         every=arguments.every,
         salvage=arguments.salvage,
         images=arguments.images,
+        report=arguments.report,
+        command_line=arguments.command_line,
         force=arguments.force,
     )
 
 
-def _print_paths(output: Path, images: bool) -> None:
+def _print_paths(output: Path, options: ReplayOptions) -> None:
     print(f'detections: {output / "detections"}')
     print(f'summary: {output / "summary.json"}')
-    if images:
+    print(f'obstacles: {output / "obstacles.csv"}')
+    if options.images:
         print(f'images: {output / "images"}')
+    if options.report:
+        print(f'report: {output / "report.html"}')
