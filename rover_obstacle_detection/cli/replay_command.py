@@ -33,8 +33,9 @@ DESCRIPTION = """\
 Detect obstacles in recorded bags: rosbag2 (mcap or sqlite3) or rosbag1.
 
 Writes to DIR, or to DIR/<name of the bag> if there are several bags:
-  detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points and ground_points in the
-                 camera's namespace, with the stamps and frames of the left images
+  detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points, ground_points,
+                 obstacle_markers and detection_image/compressed in the camera's namespace, and
+                 /diagnostics, with the stamps and frames of the left images
   summary.json   counts, parameters, versions, and the figures and times of each frame
   obstacles.csv  one row per frame and obstacle
   report.html    with --report: one page, without external files, that shows the whole replay

@@ -10,9 +10,13 @@ from types import TracebackType
 from rover_obstacle_detection.bags.stereo import StereoPair
 from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.messages.outputs import OUTPUTS
+from rover_obstacle_detection.offline.bag_messages import frame_messages
 from rover_obstacle_detection.offline.obstacles_csv import ObstacleTable
-from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures
+from rover_obstacle_detection.offline.picture_files import (
+    PICTURE_NAMES,
+    encode_jpeg,
+    write_pictures,
+)
 from rover_obstacle_detection.offline.replay_gallery import Gallery, report_pictures
 from rover_obstacle_detection.offline.replay_options import ReplayOptions
 from rover_obstacle_detection.offline.summary import (
@@ -23,7 +27,6 @@ from rover_obstacle_detection.offline.summary import (
 )
 from rover_obstacle_detection.pictures import overlay_picture, shown_obstacles
 
-WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points')
 REPORT = 'report.html'
 OUTPUT_FILES = (
     'summary.json',
@@ -73,27 +76,30 @@ class FrameOutputs:
         self, number: int, pair: StereoPair, detection: Detection, lap: Callable[[str], None]
     ) -> FrameSummary:
         """Write a frame and return its figures; `lap` is called at the end of each stage."""
-        # All messages before the first is written: a frame is in the bag as a whole or not at all.
-        messages = [
-            (name, OUTPUTS[name].encode(detection, pair.left_header, self._bag.factory))
-            for name in WRITTEN_OUTPUTS
-        ]
         obstacles = shown_obstacles(detection)
         summary = FrameSummary.of(detection)
+        overlay = overlay_picture(detection, pair.left)
+        # All messages before the first is written: a frame is in the bag as a whole or not at all.
+        messages = tuple(
+            frame_messages(
+                self._namespace,
+                pair.left_header,
+                detection,
+                summary,
+                encode_jpeg(overlay),
+                self._bag.factory,
+            )
+        )
         lap(WRITE_BAG)
         if self._options.images:
             write_pictures(detection, pair.left, self._folder / 'images', _prefix(number))
         if self._options.report:
             frame = ReplayFrame(number, pair.stamp_ns, summary, {}, detection.warnings)
-            self.gallery.offer(
-                frame,
-                lambda: report_pictures(detection, overlay_picture(detection, pair.left)),
-            )
+            self.gallery.offer(frame, lambda: report_pictures(detection, overlay))
         if self._options.images or self._options.report:
             lap(WRITE_IMAGES)
-        for name, message in messages:
-            topic = f'{self._namespace}/{name}'
-            self._bag.add(topic, OUTPUTS[name].type_name, message, pair.stamp_ns)
+        for topic, type_name, message in messages:
+            self._bag.add(topic, type_name, message, pair.stamp_ns)
         self._table.add(number, pair.stamp_ns, obstacles)
         lap(WRITE_BAG)
         return summary

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.offline.picture_files import encode_jpeg
 from rover_obstacle_detection.offline.summary import ReplayFrame
 from rover_obstacle_detection.pictures import (
     Picture,
@@ -109,15 +110,9 @@ def report_pictures(detection: Detection, overlay: Picture) -> tuple[PictureBloc
     )
 
 
-def encode_jpeg(picture: Picture, quality: int = _QUALITY) -> bytes:
-    """Return a picture as a JPEG file."""
-    _, data = cv2.imencode('.jpg', picture, (cv2.IMWRITE_JPEG_QUALITY, quality))
-    return data.tobytes()
-
-
 def _jpeg(caption: str, picture: Picture, width: int) -> PictureBlock:
     if picture.shape[1] > width:
         height = max(1, round(picture.shape[0] * width / picture.shape[1]))
         size = (width, height)
         picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return PictureBlock(caption, encode_jpeg(picture), JPEG)
+    return PictureBlock(caption, encode_jpeg(picture, _QUALITY), JPEG)
