@@ -40,16 +40,22 @@ Writes to DIR, or to DIR/<name of the bag> if there are several bags:
   obstacles.csv  one row per frame and obstacle
   report.html    with --report: one page, without external files, that shows the whole replay
   images         with --images: overlay, disparity, regions, seed regions, roughness and step,
-                 and obstacle map of each frame
+                 and obstacle map of each frame, or those named
+  overlays.mp4   with --video: the overlays of all frames
 """
 EPILOG = """\
 examples:
   rover-obstacles replay traverse.mcap --output traverse_detections --images
+  rover-obstacles replay traverse.mcap -o out --report --video --images overlay,disparity
   rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
   rover-obstacles replay bag/ -o out --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
       --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
   rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
 """
+
+
+# Those of offline.picture_files.PICTURE_NAMES, without importing OpenCV.
+PICTURES = ('overlay', 'disparity', 'regions', 'seeds', 'roughness_step', 'obstacle_map')
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -66,7 +72,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_input_arguments(parser)
     add_detector_arguments(parser)
     output = add_output_arguments(parser)
-    output.add_argument('--images', action='store_true', help='write pictures of every frame')
+    output.add_argument(
+        '--images',
+        nargs='?',
+        metavar='NAMES',
+        type=_picture_names,
+        const=PICTURES,
+        default=(),
+        help=f'write pictures of every frame: all, or those named: {",".join(PICTURES)}',
+    )
+    output.add_argument('--video', action='store_true', help='write the overlays as a video')
     output.add_argument(
         '--report',
         action='store_true',
@@ -112,6 +127,17 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _picture_names(text: str) -> tuple[str, ...]:
+    names = tuple(text.split(','))
+    for name in names:
+        if name not in PICTURES:
+            raise argparse.ArgumentTypeError(
+                f'{name!r} is not a picture: expected some of {",".join(PICTURES)}; a bag has to '
+                'stand before --images'
+            )
+    return names
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Replay the bags and print a table of the results."""
     from rich.console import Console
@@ -128,6 +154,10 @@ def run(arguments: argparse.Namespace) -> int:
         from rover_obstacle_detection.report.extra import require_report_libraries
 
         require_report_libraries()
+    if arguments.video:
+        from rover_obstacle_detection.offline.overlay_video import require_encoder
+
+        require_encoder('overlays.mp4')
     options = _options(arguments)
     check_output_folder(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
@@ -178,6 +208,7 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
         every=arguments.every,
         salvage=arguments.salvage,
         images=arguments.images,
+        video=arguments.video,
         report=arguments.report,
         command_line=arguments.command_line,
         force=arguments.force,
@@ -190,5 +221,7 @@ def _print_paths(output: Path, options: ReplayOptions) -> None:
     print(f'obstacles: {output / "obstacles.csv"}')
     if options.images:
         print(f'images: {output / "images"}')
+    if options.video:
+        print(f'video: {output / "overlays.mp4"}')
     if options.report:
         print(f'report: {output / "report.html"}')

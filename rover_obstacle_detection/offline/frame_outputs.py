@@ -12,6 +12,7 @@ from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.offline.bag_messages import frame_messages
 from rover_obstacle_detection.offline.obstacles_csv import ObstacleTable
+from rover_obstacle_detection.offline.overlay_video import OverlayVideo
 from rover_obstacle_detection.offline.picture_files import (
     PICTURE_NAMES,
     encode_jpeg,
@@ -28,10 +29,12 @@ from rover_obstacle_detection.offline.summary import (
 from rover_obstacle_detection.pictures import overlay_picture, shown_obstacles
 
 REPORT = 'report.html'
+VIDEO = 'overlays.mp4'
 OUTPUT_FILES = (
     'summary.json',
     'obstacles.csv',
     REPORT,
+    VIDEO,
     'detections/metadata.yaml',
     'detections/*.mcap',
     *(f'images/[0-9]*_{name}.png' for name in PICTURE_NAMES),
@@ -48,19 +51,28 @@ class FrameOutputs:
     namespace : str
         Of the topics in the bag.
     options : ReplayOptions
+    rate_hz : float
+        Of the video.
     """
 
-    def __init__(self, folder: Path, namespace: str, options: ReplayOptions) -> None:
+    def __init__(
+        self, folder: Path, namespace: str, options: ReplayOptions, rate_hz: float
+    ) -> None:
         self.gallery = Gallery()
         self._folder = folder
         self._namespace = namespace
         self._options = options
+        self._rate_hz = rate_hz
+        self._video: OverlayVideo | None = None
         self._stack = ExitStack()
 
     def __enter__(self) -> FrameOutputs:
         with ExitStack() as stack:
             self._bag = stack.enter_context(BagWriter(self._folder / 'detections', compress=False))
             self._table = stack.enter_context(ObstacleTable(self._folder / 'obstacles.csv'))
+            if self._options.video:
+                video = OverlayVideo(self._folder / VIDEO, self._rate_hz)
+                self._video = stack.enter_context(video)
             self._stack = stack.pop_all()
         return self
 
@@ -92,7 +104,8 @@ class FrameOutputs:
         )
         lap(WRITE_BAG)
         if self._options.images:
-            write_pictures(detection, pair.left, self._folder / 'images', _prefix(number))
+            folder, names = self._folder / 'images', self._options.images
+            write_pictures(detection, pair.left, folder, _prefix(number), names)
         if self._options.report:
             frame = ReplayFrame(number, pair.stamp_ns, summary, {}, detection.warnings)
             self.gallery.offer(frame, lambda: report_pictures(detection, overlay))
@@ -102,6 +115,9 @@ class FrameOutputs:
             self._bag.add(topic, type_name, message, pair.stamp_ns)
         self._table.add(number, pair.stamp_ns, obstacles)
         lap(WRITE_BAG)
+        if self._video:
+            self._video.add(overlay)
+            lap(WRITE_IMAGES)
         return summary
 
     def discard(self, number: int) -> None:

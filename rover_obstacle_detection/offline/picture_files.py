@@ -41,6 +41,7 @@ def write_pictures(
     image: NDArray[Any] | None,
     folder: Path,
     prefix: str = '',
+    names: Sequence[str] = PICTURE_NAMES,
 ) -> None:
     """Write the overlay and the study's pictures as ``<prefix><name>.png``.
 
@@ -52,11 +53,15 @@ def write_pictures(
     folder : Path
         Created if it does not exist.
     prefix : str
+    names : sequence of str
+        Those of `PICTURE_NAMES` to write.
     """
     folder.mkdir(exist_ok=True)
-    drawn = {'overlay': pictures.overlay_picture(detection, image)}
-    drawn.update((name, draw(detection)) for name, draw in pictures.PICTURES.items())
-    for name, picture in drawn.items():
+    for name in names:
+        if name == 'overlay':
+            picture = pictures.overlay_picture(detection, image)
+        else:
+            picture = pictures.PICTURES[name](detection)
         write_png(folder / f'{prefix}{name}.png', with_key(picture, _KEYS[name](detection)))
 
 

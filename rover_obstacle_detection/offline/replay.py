@@ -61,8 +61,8 @@ def replay_bag(
     """Run the detector on a recording and write the results.
 
     `output` is written atomically: ``detections`` (rosbag2, mcap), ``summary.json``,
-    ``obstacles.csv`` and optionally ``images`` and ``report.html``. If `stopped`, it holds the
-    pairs until then.
+    ``obstacles.csv`` and optionally ``images``, ``overlays.mp4`` and ``report.html``. If
+    `stopped`, it holds the pairs until then.
 
     Raises
     ------
@@ -88,7 +88,8 @@ def replay_bag(
             every=options.every,
         )
         with output_folder(output, force=options.force, replaces=OUTPUT_FILES) as folder:
-            with FrameOutputs(folder, topics.namespace, options) as outputs:
+            rate_hz = _rate_hz(bag, topics) / options.every
+            with FrameOutputs(folder, topics.namespace, options, rate_hz) as outputs:
                 run = _Run(topics, outputs, options, _expected_pairs(bag, topics, options))
                 for pair in run.timed(pairs):
                     if not stopped():
@@ -216,6 +217,12 @@ def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions
     if options.duration_s is not None:
         wanted_s = min(wanted_s, options.duration_s)
     return math.ceil(images * (wanted_s / length_s) / options.every)
+
+
+def _rate_hz(bag: BagReader, topics: StereoTopics) -> float:
+    """Estimate the rate of the left images from the message count."""
+    length_s = (bag.end_ns - bag.start_ns) / 1e9
+    return (bag.message_count(topics.left_image) - 1) / length_s if length_s > 0 else 0.0
 
 
 def _nothing_usable(

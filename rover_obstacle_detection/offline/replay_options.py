@@ -30,8 +30,10 @@ class ReplayOptions:
         Use every n-th pair.
     salvage : bool
         Replay the readable part of a damaged recording instead of refusing it.
-    images : bool
-        Write the pictures of each pair.
+    images : tuple of str
+        The pictures of each pair to write, of `PICTURE_NAMES`.
+    video : bool
+        Write ``overlays.mp4``.
     report : bool
         Write ``report.html``.
     command_line : str
@@ -50,7 +52,8 @@ class ReplayOptions:
     duration_s: float | None = None
     every: int = 1
     salvage: bool = False
-    images: bool = False
+    images: tuple[str, ...] = ()
+    video: bool = False
     report: bool = False
     command_line: str = ''
     force: bool = False
