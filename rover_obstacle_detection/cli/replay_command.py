@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ from rover_obstacle_detection.cli.interruption import Interruption
 from rover_obstacle_detection.errors import NothingDoneError
 
 if TYPE_CHECKING:
+    from rover_obstacle_detection.offline.replay_jobs import ReplayJob
     from rover_obstacle_detection.offline.replay_options import ReplayOptions
 
 DESCRIPTION = """\
@@ -166,7 +168,7 @@ def run(arguments: argparse.Namespace) -> int:
     with (
         stopped,
         folder_if_filled(jobs[0].output.resolve().parent),
-        progress_bars([job.output.name for job in jobs], 'pairs') as on_progress,
+        progress_bars(_names(jobs), 'pairs') as on_progress,
     ):
         results = replay_jobs(jobs, options, arguments.workers, on_progress, stopped)
         with contextlib.closing(results):
@@ -189,6 +191,13 @@ def run(arguments: argparse.Namespace) -> int:
     if stopped():
         return stopped.status
     return 0 if len(summaries) == len(jobs) else 1
+
+
+def _names(jobs: Sequence[ReplayJob]) -> list[str]:
+    """Return the names of the bags; of several, those of their output folders, which differ."""
+    if len(jobs) == 1:
+        return [jobs[0].bag.resolve().name]
+    return [job.output.name for job in jobs]
 
 
 def _options(arguments: argparse.Namespace) -> ReplayOptions:
