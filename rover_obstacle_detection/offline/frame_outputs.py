@@ -109,15 +109,14 @@ class FrameOutputs:
         if self._options.report:
             frame = ReplayFrame(number, pair.stamp_ns, summary, {}, detection.warnings)
             self.gallery.offer(frame, lambda: report_pictures(detection, overlay))
-        if self._options.images or self._options.report:
+        if self._video:
+            self._video.add(overlay)
+        if self._options.images or self._options.report or self._video:
             lap(WRITE_IMAGES)
         for topic, type_name, message in messages:
             self._bag.add(topic, type_name, message, pair.stamp_ns)
         self._table.add(number, pair.stamp_ns, obstacles)
         lap(WRITE_BAG)
-        if self._video:
-            self._video.add(overlay)
-            lap(WRITE_IMAGES)
         return summary
 
     def discard(self, number: int) -> None:
