@@ -26,6 +26,10 @@ WORST = 10
 JPEG = 'image/jpeg'
 _OVERLAY_WIDTH, _DETAIL_WIDTH = 640, 320
 _QUALITY = 75
+_OVERLAY_CAPTION = (
+    'overlay: rock red, slope yellow, drop magenta, rough green, unmeasured blue; hatched: '
+    'unknown; no colour: free'
+)
 
 Badness = Callable[[ReplayFrame], float]
 """How bad a frame is; not finite if there is nothing bad about it."""
@@ -95,7 +99,7 @@ def report_pictures(detection: Detection, overlay: Picture) -> tuple[PictureBloc
     """Return overlay, disparity and height of a frame as JPEG files."""
     limit_m = height_limit_m(detection)
     return (
-        _jpeg('overlay', overlay, _OVERLAY_WIDTH),
+        _jpeg(_OVERLAY_CAPTION, overlay, _OVERLAY_WIDTH),
         _jpeg(
             'disparity: far blue to near red; black: no match',
             disparity_picture(detection),

@@ -30,6 +30,8 @@ _FIGURES = ('time, s', 'obstacles', 'nearest, m', 'unknown', 'detection, ms', 'w
 # Bad frames further than this from the others, in lengths of the recording, have another clock.
 _REACH = 10.0
 _NANOSECONDS = 1_000_000_000
+# From 2000 to 2100; other stamps count from the start of a computer or a simulation.
+_PLAUSIBLE_NS = (946_684_800 * _NANOSECONDS, 4_102_444_800 * _NANOSECONDS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,11 +217,11 @@ def _inputs(summary: ReplaySummary, command_line: str) -> TableBlock:
         ('version', __version__),
         ('bag', summary.bag),
         *(('damage', note) for note in summary.notes),
-        ('first frame', _stamp(first)),
-        ('last frame', f'{_stamp(last)}, {(last - first) / _NANOSECONDS:.2f} s later'),
+        ('first frame', _moment(first)),
+        ('last frame', f'{_moment(last)}, {(last - first) / _NANOSECONDS:.2f} s later'),
         ('left images', f'{statistics.left}, {topics.left_image}'),
         ('right images', f'{statistics.right}, {topics.right_image}'),
-        ('calibration', f'{topics.left_info or "-"}, {topics.right_info or "-"}'),
+        ('camera_info', f'{topics.left_info or "-"}, {topics.right_info or "-"}'),
         (
             'pairs',
             f'{statistics.pairs}; unmatched {statistics.unmatched_left} left, '
@@ -256,6 +258,14 @@ def _seconds(stamp_ns: int, summary: ReplaySummary) -> float:
 
 def _stamp(stamp_ns: int) -> str:
     return f'{stamp_ns / _NANOSECONDS:.3f} s'
+
+
+def _moment(stamp_ns: int) -> str:
+    """Return a stamp, and the date if it counts from 1970."""
+    if not _PLAUSIBLE_NS[0] < stamp_ns < _PLAUSIBLE_NS[1]:
+        return _stamp(stamp_ns)
+    date = datetime.fromtimestamp(stamp_ns // _NANOSECONDS, timezone.utc)
+    return f'{_stamp(stamp_ns)} ({date:%Y-%m-%d %H:%M:%S} UTC)'
 
 
 def _number(value: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import json
+import math
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
@@ -18,7 +19,11 @@ import pytest
 from hand_made import FIRST_STAMP_NS, write_stereo_bag
 
 from rover_obstacle_detection.cli.main import main
+from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.offline.replay import replay_bag
 from rover_obstacle_detection.offline.replay_gallery import Gallery
+from rover_obstacle_detection.offline.replay_options import ReplayOptions
+from rover_obstacle_detection.report.plots import COLOURS, Panel, timeline_plot
 
 pytest.importorskip('jinja2', reason='needs the extra report')
 pytest.importorskip('matplotlib', reason='needs the extra report')
@@ -112,6 +117,7 @@ def test_the_page_says_what_was_replayed(page: Parsed) -> None:
         'left images 3, /cam/left/image_rect',
         '/cam/left/camera_info, /cam/right/camera_info',
         'camera 320 x 240 px',
+        'first frame 1700000000.000 s (2023-11-14 22:13:20 UTC)',
         'max_step 0.12 0.1',
         'camera_pitch 1.0 ',
         'All 2 frames.',
@@ -163,6 +169,26 @@ def test_a_later_run_without_report_removes_it(tmp_path: Path) -> None:
     assert main(arguments) == 0
     assert not (tmp_path / 'out' / 'report.html').exists()
     assert (tmp_path / 'out' / 'obstacles.csv').is_file()
+
+
+def test_an_interrupted_replay_says_so_in_its_report(tmp_path: Path) -> None:
+    bag = write_stereo_bag(tmp_path / 'drive', pairs=3)
+    done: list[int] = []
+    options = ReplayOptions(DetectorConfig(), report=True)
+    replay_bag(bag, tmp_path / 'out', options, lambda *counts: done.append(1), lambda: bool(done))
+    parsed = Parsed((tmp_path / 'out' / 'report.html').read_text(encoding='utf-8'))
+    assert 'The replay was interrupted after 1 of about 3 pairs' in parsed.text
+    assert parsed.frames == ['frame-1']
+
+
+def test_bad_frames_and_warnings_are_in_the_timeline() -> None:
+    panels = (Panel('obstacles', [1, None, 2]), Panel('nearest, m', [math.nan] * 3))
+    plain = timeline_plot([0.0, 1.0, 2.0], panels, [], [], 'seconds')
+    marked = timeline_plot([0.0, 1.0, 2.0], panels, [1.0], [1.5, 1.7], 'seconds')
+    for colour, count in ((COLOURS[2], 1), (COLOURS[0], 2)):
+        assert colour.encode() not in plain
+        assert marked.count(b'stroke: ' + colour.encode()) == count * len(panels)
+    assert b'<!-- nearest, m -->' in plain
 
 
 def test_a_missing_library_is_named_before_any_work(
