@@ -68,6 +68,25 @@ def disparity_picture(detection: Detection) -> Picture:
     return _picture(picture)
 
 
+def height_picture(detection: Detection) -> Picture:
+    """Draw the height above the local ground: level green, low blue, high red; black without 3D.
+
+    The colours end at `height_limit_m` below and above the ground.
+    """
+    known = np.isfinite(detection.height)
+    limit_m = height_limit_m(detection)
+    height = np.where(known, detection.height, 0.0)
+    scaled = (height / limit_m + 1.0) * 127.5
+    picture = cv2.applyColorMap(_to_uint8(scaled), cv2.COLORMAP_TURBO)
+    picture[~known] = BLACK
+    return _picture(picture)
+
+
+def height_limit_m(detection: Detection) -> float:
+    """Return the height at which the colours of `height_picture` end."""
+    return 2 * detection.config.max_step
+
+
 def disparity_limits(detection: Detection) -> tuple[float, float]:
     """Return the smallest and largest disparity in pixels, without outliers; (0, 1) if none."""
     valid = detection.disparity[detection.disparity > 0]

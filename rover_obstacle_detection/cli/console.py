@@ -8,6 +8,8 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from rover_obstacle_detection.cli.progress_lines import ProgressLines
+
 if TYPE_CHECKING:
     from rover_obstacle_detection.evaluation.tables import Table
 
@@ -40,7 +42,7 @@ def warnings_on_stderr() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
-    """Show a progress bar for each task on stderr, if that is a terminal."""
+    """Show a progress bar for each task on stderr; lines now and then if that is no terminal."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -53,7 +55,7 @@ def progress_bars(tasks: Sequence[str], unit: str) -> Iterator[OnTaskProgress]:
 
     console = Console(stderr=True)
     if not console.is_terminal:
-        yield lambda index, done, expected: None
+        yield ProgressLines(tasks, unit).update
         return
     progress = Progress(
         TextColumn('{task.description}', markup=False),

@@ -7,6 +7,7 @@ import contextlib
 import errno
 import importlib
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -102,7 +103,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: Sequence[str] | None) -> int:
     parser = make_parser()
-    arguments = parser.parse_args(argv)
+    words = sys.argv[1:] if argv is None else argv
+    arguments = parser.parse_args(words)
+    arguments.command_line = shlex.join(('rover-obstacles', *words))
     try:
         with _termination_unwinds(), warnings_on_stderr():
             return int(arguments.run(arguments))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,27 +28,36 @@ from rover_obstacle_detection.cli.interruption import Interruption
 from rover_obstacle_detection.errors import NothingDoneError
 
 if TYPE_CHECKING:
-    from rover_obstacle_detection.offline.replay import ReplayOptions
+    from rover_obstacle_detection.offline.replay_jobs import ReplayJob
+    from rover_obstacle_detection.offline.replay_options import ReplayOptions
 
 DESCRIPTION = """\
 Detect obstacles in recorded bags: rosbag2 (mcap or sqlite3) or rosbag1.
 
 Writes to DIR, or to DIR/<name of the bag> if there are several bags:
-  detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points, ground_points and
-                 obstacle_grid in the camera's namespace, with the stamps and frames of the left
-                 images
+  detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points, ground_points,
+                 obstacle_grid, obstacle_markers and detection_image/compressed in the camera's
+                 namespace, and /diagnostics, with the stamps and frames of the left images
   summary.json   counts, parameters, versions, and the figures and times of each frame
+  obstacles.csv  one row per frame and obstacle
+  report.html    with --report: one page, without external files, that shows the whole replay
   images         with --images: overlay, disparity, regions, seed regions, roughness and step,
-                 and obstacle map of each frame
+                 and obstacle map of each frame, or those named
+  overlays.mp4   with --video: the overlays of all frames
 """
 EPILOG = """\
 examples:
   rover-obstacles replay traverse.mcap --output traverse_detections --images
+  rover-obstacles replay traverse.mcap -o out --report --video --images overlay,disparity
   rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
   rover-obstacles replay bag/ -o out --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
       --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
   rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
 """
+
+
+# Those of offline.picture_files.PICTURE_NAMES, without importing OpenCV.
+PICTURES = ('overlay', 'disparity', 'regions', 'seeds', 'roughness_step', 'obstacle_map')
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -64,7 +74,22 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     _add_input_arguments(parser)
     add_detector_arguments(parser)
     output = add_output_arguments(parser)
-    output.add_argument('--images', action='store_true', help='write pictures of every frame')
+    output.add_argument(
+        '--images',
+        nargs='?',
+        metavar='NAMES',
+        type=_picture_names,
+        const=PICTURES,
+        default=(),
+        help=f'write pictures of every frame: all, or those named: {",".join(PICTURES)}',
+    )
+    output.add_argument('--video', action='store_true', help='write the overlays as a video')
+    output.add_argument(
+        '--report',
+        action='store_true',
+        help='write a page with a timeline, pictures and the worst frames (needs the extra '
+        '"report")',
+    )
     output.add_argument(
         '--workers',
         metavar='N',
@@ -104,6 +129,17 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _picture_names(text: str) -> tuple[str, ...]:
+    names = tuple(text.split(','))
+    for name in names:
+        if name not in PICTURES:
+            raise argparse.ArgumentTypeError(
+                f'{name!r} is not a picture: expected some of {",".join(PICTURES)}; a bag has to '
+                'stand before --images'
+            )
+    return names
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Replay the bags and print a table of the results."""
     from rich.console import Console
@@ -116,6 +152,14 @@ def run(arguments: argparse.Namespace) -> int:
     from rover_obstacle_detection.offline.summary import ReplaySummary
     from rover_obstacle_detection.offline.summary_table import replay_table
 
+    if arguments.report:
+        from rover_obstacle_detection.report.extra import require_report_libraries
+
+        require_report_libraries()
+    if arguments.video:
+        from rover_obstacle_detection.offline.overlay_video import require_encoder
+
+        require_encoder('overlays.mp4')
     options = _options(arguments)
     check_output_folder(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
@@ -124,7 +168,7 @@ def run(arguments: argparse.Namespace) -> int:
     with (
         stopped,
         folder_if_filled(jobs[0].output.resolve().parent),
-        progress_bars([job.output.name for job in jobs], 'pairs') as on_progress,
+        progress_bars(_names(jobs), 'pairs') as on_progress,
     ):
         results = replay_jobs(jobs, options, arguments.workers, on_progress, stopped)
         with contextlib.closing(results):
@@ -139,7 +183,7 @@ def run(arguments: argparse.Namespace) -> int:
         console = Console(highlight=False)
         console.print(replay_table([summaries[index] for index in sorted(summaries)]))
         for index in sorted(summaries):
-            _print_paths(jobs[index].output, arguments.images)
+            _print_paths(jobs[index].output, options)
     for index, summary in sorted(summaries.items()):
         if summary.interrupted:
             kept = f'{len(summary.frames)} of about {summary.expected} pairs of {summary.bag}'
@@ -149,8 +193,15 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if len(summaries) == len(jobs) else 1
 
 
+def _names(jobs: Sequence[ReplayJob]) -> list[str]:
+    """Return the names of the bags; of several, those of their output folders, which differ."""
+    if len(jobs) == 1:
+        return [jobs[0].bag.resolve().name]
+    return [job.output.name for job in jobs]
+
+
 def _options(arguments: argparse.Namespace) -> ReplayOptions:
-    from rover_obstacle_detection.offline.replay import ReplayOptions
+    from rover_obstacle_detection.offline.replay_options import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
     tolerance_s = arguments.approximate_sync
@@ -166,12 +217,20 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
         every=arguments.every,
         salvage=arguments.salvage,
         images=arguments.images,
+        video=arguments.video,
+        report=arguments.report,
+        command_line=arguments.command_line,
         force=arguments.force,
     )
 
 
-def _print_paths(output: Path, images: bool) -> None:
+def _print_paths(output: Path, options: ReplayOptions) -> None:
     print(f'detections: {output / "detections"}')
     print(f'summary: {output / "summary.json"}')
-    if images:
+    print(f'obstacles: {output / "obstacles.csv"}')
+    if options.images:
         print(f'images: {output / "images"}')
+    if options.video:
+        print(f'video: {output / "overlays.mp4"}')
+    if options.report:
+        print(f'report: {output / "report.html"}')

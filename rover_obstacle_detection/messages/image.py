@@ -1,4 +1,4 @@
-"""Decode ``sensor_msgs/Image`` and ``CompressedImage``, encode ``Image``; no cv_bridge needed."""
+"""Decode and encode ``sensor_msgs/Image`` and ``CompressedImage``; no cv_bridge needed."""
 
 from __future__ import annotations
 
@@ -183,6 +183,27 @@ def encode_image(array: NDArray[Any], encoding: str, header: Any, factory: Messa
         is_bigendian=int(sys.byteorder == 'big'),
         step=width * layout.pixel_bytes,
         data=np.ascontiguousarray(array).reshape(-1).view(np.uint8),
+    )
+
+
+def encode_compressed_image(
+    jpeg: bytes, header: Any, factory: MessageFactory, encoding: str = 'bgr8'
+) -> Any:
+    """Wrap a JPEG file as ``sensor_msgs/CompressedImage``, as image_transport does.
+
+    Parameters
+    ----------
+    jpeg : bytes
+    header : std_msgs/Header
+    factory : MessageFactory
+    encoding : str
+        Of the image before compression.
+    """
+    return factory.make(
+        'sensor_msgs/msg/CompressedImage',
+        header=header,
+        format=f'{encoding}; jpeg compressed {encoding}',
+        data=np.frombuffer(jpeg, np.uint8),
     )
 
 

@@ -1,4 +1,4 @@
-"""Write pictures of a detection as PNG files, each with a colour key below."""
+"""Write pictures of a detection as PNG files, each with a colour key below, or as JPEG."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.pictures import Colour, Picture
 
 PICTURE_NAMES = ('overlay', *pictures.PICTURES)
+JPEG_QUALITY = 85
 
 _BACKGROUND: Colour = (34, 34, 34)
 _TEXT: Colour = (225, 225, 225)
@@ -40,6 +41,7 @@ def write_pictures(
     image: NDArray[Any] | None,
     folder: Path,
     prefix: str = '',
+    names: Sequence[str] = PICTURE_NAMES,
 ) -> None:
     """Write the overlay and the study's pictures as ``<prefix><name>.png``.
 
@@ -51,11 +53,15 @@ def write_pictures(
     folder : Path
         Created if it does not exist.
     prefix : str
+    names : sequence of str
+        Those of `PICTURE_NAMES` to write.
     """
     folder.mkdir(exist_ok=True)
-    drawn = {'overlay': pictures.overlay_picture(detection, image)}
-    drawn.update((name, draw(detection)) for name, draw in pictures.PICTURES.items())
-    for name, picture in drawn.items():
+    for name in names:
+        if name == 'overlay':
+            picture = pictures.overlay_picture(detection, image)
+        else:
+            picture = pictures.PICTURES[name](detection)
         write_png(folder / f'{prefix}{name}.png', with_key(picture, _KEYS[name](detection)))
 
 
@@ -63,6 +69,12 @@ def write_png(path: Path, image: NDArray[np.uint8]) -> None:
     """Write a grey or BGR image as PNG."""
     _, data = cv2.imencode('.png', image)
     path.write_bytes(data.tobytes())
+
+
+def encode_jpeg(picture: Picture, quality: int = JPEG_QUALITY) -> bytes:
+    """Return a grey or BGR image as a JPEG file."""
+    _, data = cv2.imencode('.jpg', picture, (cv2.IMWRITE_JPEG_QUALITY, quality))
+    return data.tobytes()
 
 
 def with_key(picture: Picture, items: Sequence[KeyItem]) -> Picture:

@@ -5,14 +5,11 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
-from rover_obstacle_detection.bags.writer import BagWriter
-from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import (
@@ -26,21 +23,18 @@ from rover_obstacle_detection.errors import (
     failure_text,
 )
 from rover_obstacle_detection.messages.calibration import load_stereo_calibration
-from rover_obstacle_detection.messages.outputs import OUTPUTS
-from rover_obstacle_detection.offline.output_file import atomic_write_json
+from rover_obstacle_detection.offline.frame_outputs import OUTPUT_FILES, REPORT, FrameOutputs
+from rover_obstacle_detection.offline.output_file import atomic_write_json, atomic_write_text
 from rover_obstacle_detection.offline.output_folder import output_folder
-from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES, write_pictures
+from rover_obstacle_detection.offline.replay_options import ReplayOptions
+from rover_obstacle_detection.offline.replay_report import replay_html
 from rover_obstacle_detection.offline.stopwatch import Stopwatch
 from rover_obstacle_detection.offline.summary import (
     READ,
-    WRITE_BAG,
-    WRITE_IMAGES,
-    FrameSummary,
     ReplayFrame,
     ReplaySummary,
 )
 from rover_obstacle_detection.pairing import PairingStatistics, shows_one_moment
-from rover_obstacle_detection.rover_mask import RoverMask
 from rover_obstacle_detection.swapped_images import detect_unswapped
 
 _logger = logging.getLogger(__name__)
@@ -50,55 +44,6 @@ OnProgress = Callable[[int, int], None]
 
 Stopped = Callable[[], bool]
 """Asked after each pair whether to end there."""
-
-WRITTEN_OUTPUTS = ('obstacle_mask', 'obstacle_points', 'ground_points', 'obstacle_grid')
-OUTPUT_FILES = (
-    'summary.json',
-    'detections/metadata.yaml',
-    'detections/*.mcap',
-    *(f'images/[0-9]*_{name}.png' for name in PICTURE_NAMES),
-)
-
-
-@dataclass(frozen=True)
-class ReplayOptions:
-    """What to replay and what to write.
-
-    Parameters
-    ----------
-    config : DetectorConfig
-    rover : RoverMask, optional
-        Pixels that show the rover itself.
-    left_topic, right_topic : str, optional
-        Image topics; found by name if omitted.
-    calibration : tuple of Path, optional
-        Calibration files of the left and the right camera; from the bag if omitted.
-    tolerance_ns : int, optional
-        Largest stamp difference of a pair; equal stamps are required if omitted.
-    start_s, duration_s : float
-        The part of the recording to replay, in seconds from its start.
-    every : int
-        Use every n-th pair.
-    salvage : bool
-        Replay the readable part of a damaged recording instead of refusing it.
-    images : bool
-        Write the pictures of each pair.
-    force : bool
-        Replace the files of a previous run.
-    """
-
-    config: DetectorConfig
-    rover: RoverMask | None = None
-    left_topic: str | None = None
-    right_topic: str | None = None
-    calibration: tuple[Path, Path] | None = None
-    tolerance_ns: int | None = None
-    start_s: float = 0.0
-    duration_s: float | None = None
-    every: int = 1
-    salvage: bool = False
-    images: bool = False
-    force: bool = False
 
 
 def never_stopped() -> bool:
@@ -115,8 +60,9 @@ def replay_bag(
 ) -> ReplaySummary:
     """Run the detector on a recording and write the results.
 
-    `output` is written atomically: ``detections`` (rosbag2, mcap), ``summary.json`` and
-    optionally ``images``. If `stopped`, it holds the pairs until then.
+    `output` is written atomically: ``detections`` (rosbag2, mcap), ``summary.json``,
+    ``obstacles.csv`` and optionally ``images``, ``overlays.mp4`` and ``report.html``. If
+    `stopped`, it holds the pairs until then.
 
     Raises
     ------
@@ -142,16 +88,20 @@ def replay_bag(
             every=options.every,
         )
         with output_folder(output, force=options.force, replaces=OUTPUT_FILES) as folder:
-            run = _Run(topics, folder, options, _expected_pairs(bag, topics, options))
-            with BagWriter(folder / 'detections', compress=False) as writer:
+            rate_hz = _rate_hz(bag, topics) / options.every
+            with FrameOutputs(folder, topics.namespace, options, rate_hz) as outputs:
+                run = _Run(topics, outputs, options, _expected_pairs(bag, topics, options))
                 for pair in run.timed(pairs):
                     if not stopped():
-                        run.process(pair, writer)
+                        run.process(pair)
                         on_progress(run.done, max(run.done, run.expected))
                     if stopped():
                         run.interrupted = True
                         break
                 summary = run.summary(bag, pairs)
+            if options.report:
+                html = replay_html(summary, outputs.gallery, options.command_line)
+                atomic_write_text(folder / REPORT, html)
             atomic_write_json(folder / 'summary.json', summary.as_json())
     return summary
 
@@ -160,12 +110,12 @@ class _Run:
     """The state of one replay: the detector and the results so far."""
 
     def __init__(
-        self, topics: StereoTopics, folder: Path, options: ReplayOptions, expected: int
+        self, topics: StereoTopics, outputs: FrameOutputs, options: ReplayOptions, expected: int
     ) -> None:
         self.expected = expected
         self.interrupted = False
         self._topics = topics
-        self._folder = folder
+        self._outputs = outputs
         self._options = options
         self._stopwatch = Stopwatch()
         self._detector: Detector | None = None
@@ -186,13 +136,13 @@ class _Run:
             yield pair
             self._stopwatch.take_ms()
 
-    def process(self, pair: StereoPair | BadFrame, writer: BagWriter) -> None:
+    def process(self, pair: StereoPair | BadFrame) -> None:
         """Detect obstacles in one pair and write the result; keep why a pair is bad."""
         if isinstance(pair, BadFrame):
             self._bad_frames.append(pair)
             return
         try:
-            self._detect_and_write(pair, writer)
+            self._detect_and_write(pair)
         except (OSError, OutputError):
             raise
         except Exception as error:
@@ -200,7 +150,7 @@ class _Run:
                 raise
             self._take_failure(pair, error)
 
-    def _detect_and_write(self, pair: StereoPair, writer: BagWriter) -> None:
+    def _detect_and_write(self, pair: StereoPair) -> None:
         lap = self._stopwatch.lap
         detection = detect_unswapped(
             self._detector_of(pair.camera),
@@ -210,21 +160,8 @@ class _Run:
             self._topics.right_image,
             on_stage=lap,
         )
-        # All messages before the first is written: a frame is in the bag as a whole or not at all.
-        messages = [
-            (name, OUTPUTS[name].encode(detection, pair.left_header, writer.factory))
-            for name in WRITTEN_OUTPUTS
-        ]
-        summary = FrameSummary.of(detection)
-        lap(WRITE_BAG)
         number = len(self._frames) + 1
-        if self._options.images:
-            write_pictures(detection, pair.left, self._folder / 'images', _prefix(number))
-            lap(WRITE_IMAGES)
-        for name, message in messages:
-            topic = f'{self._topics.namespace}/{name}'
-            writer.add(topic, OUTPUTS[name].type_name, message, pair.stamp_ns)
-        lap(WRITE_BAG)
+        summary = self._outputs.write(number, pair, detection, lap)
         taken_ms = self._stopwatch.take_ms()
         self._frames.append(
             ReplayFrame(number, pair.stamp_ns, summary, taken_ms, detection.warnings)
@@ -232,8 +169,7 @@ class _Run:
 
     def _take_failure(self, pair: StereoPair, error: Exception) -> None:
         # Nothing is written for it: a mask would call its pixels free.
-        for picture in (self._folder / 'images').glob(f'{_prefix(len(self._frames) + 1)}*'):
-            picture.unlink()
+        self._outputs.discard(len(self._frames) + 1)
         _logger.debug('pair at %d ns failed', pair.stamp_ns, exc_info=error)
         reason = failure_text(error)
         if not isinstance(error, (ImageError, UnjudgeablePairError)):
@@ -273,10 +209,6 @@ class _Run:
         return self._detector
 
 
-def _prefix(number: int) -> str:
-    return f'{number:06d}_'
-
-
 def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions) -> int:
     """Estimate the number of pairs from the message counts, for the progress bar."""
     images = min(bag.message_count(topics.left_image), bag.message_count(topics.right_image))
@@ -285,6 +217,12 @@ def _expected_pairs(bag: BagReader, topics: StereoTopics, options: ReplayOptions
     if options.duration_s is not None:
         wanted_s = min(wanted_s, options.duration_s)
     return math.ceil(images * (wanted_s / length_s) / options.every)
+
+
+def _rate_hz(bag: BagReader, topics: StereoTopics) -> float:
+    """Estimate the rate of the left images from the message count."""
+    length_s = (bag.end_ns - bag.start_ns) / 1e9
+    return (bag.message_count(topics.left_image) - 1) / length_s if length_s > 0 else 0.0
 
 
 def _nothing_usable(

@@ -23,11 +23,11 @@ from rover_obstacle_detection.errors import (
     OutputError,
 )
 from rover_obstacle_detection.offline.replay import (
-    ReplayOptions,
     Stopped,
     never_stopped,
     replay_bag,
 )
+from rover_obstacle_detection.offline.replay_options import ReplayOptions
 from rover_obstacle_detection.offline.summary import ReplaySummary
 
 OnJobProgress = Callable[[int, int, int], None]

@@ -17,7 +17,9 @@ from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.offline.stopwatch import StageTime
 from rover_obstacle_detection.offline.summary import ReplaySummary
 
-_RECORDINGS_PER_TABLE = 4  # fits a terminal of 100 columns
+# Both fit a terminal of 80 columns.
+_RECORDINGS_PER_TABLE = 3
+_NAME_WIDTH = 12
 _LISTED_BAD_FRAMES = 5
 
 
@@ -76,11 +78,16 @@ def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
 
 def _table(summaries: Sequence[ReplaySummary], *, with_remarks: bool) -> Table:
     table = Table(title=f'Replay, method {summaries[0].config.method}', title_justify='left')
-    table.add_column('')
+    table.add_column('', no_wrap=True)
     for summary in summaries:
-        table.add_column(escape(PurePath(summary.bag).name), justify='right', overflow='fold')
+        table.add_column(
+            escape(PurePath(summary.bag).name),
+            justify='right',
+            overflow='fold',
+            max_width=_NAME_WIDTH,
+        )
     if with_remarks:
-        table.add_column('')
+        table.add_column('', overflow='fold')
     for rows in _sections(summaries):
         for row, *others in rows:
             values = [row.value, *(other.value for other in others)]

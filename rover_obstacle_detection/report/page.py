@@ -6,6 +6,7 @@ import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
+from typing import Any
 
 from rover_obstacle_detection.report.extra import report_library
 
@@ -82,8 +83,16 @@ class Page:
     foot: str = ''
 
 
-def render_page(page: Page) -> str:
+def render_page(page: Page, template: str = 'page.html.j2', **values: Any) -> str:
     """Render a page as HTML without external files.
+
+    Parameters
+    ----------
+    page : Page
+    template : str
+        A template of this package that extends ``page.html.j2``.
+    **values
+        What it needs besides the page.
 
     Raises
     ------
@@ -92,7 +101,14 @@ def render_page(page: Page) -> str:
     """
     jinja2 = report_library('jinja2')
     environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.FunctionLoader(_template),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
     )
-    template = resources.files(__package__).joinpath('page.html.j2').read_text(encoding='utf-8')
-    return str(environment.from_string(template).render(page=page))
+    return str(environment.get_template(template).render(page=page, **values))
+
+
+def _template(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding='utf-8')

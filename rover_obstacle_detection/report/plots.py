@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,8 @@ COLOURS = (
 )
 WIDTH_INCHES = 5.6
 HEIGHT_INCHES = 3.7
+# More markers would merge into a band.
+_MARKED_VALUES = 300
 _STYLE = {
     'axes.spines.top': False,
     'axes.spines.right': False,
@@ -151,6 +154,64 @@ def bar_plot(names: Sequence[str], values: Sequence[float], x_label: str) -> byt
     return _draw(x_label, '', paint, height_inches=0.9 + 0.32 * len(names))
 
 
+@dataclass(frozen=True)
+class Panel:
+    """One quantity of a timeline; None where it has no value."""
+
+    label: str
+    y: Sequence[float | None]
+
+
+def timeline_plot(
+    x: Sequence[float],
+    panels: Sequence[Panel],
+    warned: Sequence[float],
+    bad: Sequence[float],
+    x_label: str,
+) -> bytes:
+    """Draw quantities over one time axis as SVG, one below the other.
+
+    Parameters
+    ----------
+    x : sequence of float
+        Time of each value.
+    panels : sequence of Panel
+    warned, bad : sequence of float
+        Times of the frames with warnings, marked orange, and of bad frames, marked red.
+    x_label : str
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    matplotlib = report_library('matplotlib')
+    figure_module = report_library('matplotlib.figure')
+    marker = '.' if len(x) <= _MARKED_VALUES else ''
+    with matplotlib.rc_context(_STYLE):
+        size = (2 * WIDTH_INCHES, 1.3 * len(panels) + 0.8)
+        figure = figure_module.Figure(figsize=size, layout='constrained')
+        all_axes = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
+        for axes, panel in zip(all_axes, panels, strict=True):
+            values = [math.nan if value is None else value for value in panel.y]
+            axes.plot(x, values, color=COLOURS[1], linewidth=1.2, marker=marker)
+            axes.set_ylabel(panel.label)
+            axes.set_ylim(bottom=0)
+            for times, colour in ((warned, COLOURS[2]), (bad, COLOURS[0])):
+                axes.vlines(
+                    times,
+                    0,
+                    1,
+                    transform=axes.get_xaxis_transform(),
+                    color=colour,
+                    linewidth=1,
+                    alpha=0.6,
+                    zorder=1,
+                )
+        all_axes[-1].set_xlabel(x_label)
+        return _svg(figure)
+
+
 def _draw_line(axes: Any, line: Line) -> None:
     colour = COLOURS[line.colour % len(COLOURS)]
     known = [(x, y) for x, y in zip(line.x, line.y, strict=True) if None not in (x, y)]
@@ -185,6 +246,10 @@ def _draw(
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
         paint(axes)
-        file = io.BytesIO()
-        figure.savefig(file, format='svg', metadata={'Date': None})
+        return _svg(figure)
+
+
+def _svg(figure: Any) -> bytes:
+    file = io.BytesIO()
+    figure.savefig(file, format='svg', metadata={'Date': None})
     return file.getvalue()

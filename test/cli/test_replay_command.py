@@ -24,9 +24,10 @@ from rosbags.highlevel import AnyReader
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.messages.cloud import decode_cloud
-from rover_obstacle_detection.messages.image import decode_image
+from rover_obstacle_detection.messages.image import decode_compressed_image, decode_image
 from rover_obstacle_detection.offline import replay
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES
+from rover_obstacle_detection.pictures import overlay_picture
 
 PERIOD_NS = 100_000_000
 COMMAND = (sys.executable, '-m', 'rover_obstacle_detection', 'replay')
@@ -130,17 +131,60 @@ def test_every_key_of_the_summary_is_documented(replayed):
         assert f'`{key}`' in documentation, key
 
 
-def test_mask_and_clouds_have_the_stamp_and_frame_of_the_left_image(replayed):
+TYPES = {
+    '/cam/obstacle_mask': 'sensor_msgs/msg/Image',
+    '/cam/obstacle_points': 'sensor_msgs/msg/PointCloud2',
+    '/cam/ground_points': 'sensor_msgs/msg/PointCloud2',
+    '/cam/obstacle_grid': 'nav_msgs/msg/OccupancyGrid',
+    '/cam/obstacle_markers': 'visualization_msgs/msg/MarkerArray',
+    '/cam/detection_image/compressed': 'sensor_msgs/msg/CompressedImage',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+}
+
+
+def test_every_message_has_the_stamp_and_frame_of_the_left_image(replayed):
     seen = {}
     for topic, time_ns, message in _detections(replayed[1]):
-        header = message.header
+        header = message.markers[0].header if topic.endswith('markers') else message.header
         stamp_ns = header.stamp.sec * 10**9 + header.stamp.nanosec
         assert time_ns == stamp_ns
         assert header.frame_id == 'left_optical'
         seen.setdefault(topic, []).append(stamp_ns)
     expected = [FIRST_STAMP_NS + index * PERIOD_NS for index in range(3)]
-    names = ('obstacle_mask', 'obstacle_points', 'ground_points', 'obstacle_grid')
-    assert seen == {f'/cam/{name}': expected for name in names}
+    assert seen == dict.fromkeys(TYPES, expected)
+
+
+def test_the_bag_holds_what_viewers_show(replayed):
+    frame = _summary(replayed[1])['frames'][0]
+    messages = {}
+    for topic, _, message in _detections(replayed[1]):
+        messages.setdefault(topic, message)
+    compressed = messages['/cam/detection_image/compressed']
+    assert compressed.format == 'bgr8; jpeg compressed bgr8'
+    shown = decode_compressed_image(compressed, 'overlay')
+    drawn = overlay_picture(Detector(CAMERA).detect(*stereo_images()))
+    assert shown.shape == drawn.shape
+    assert np.abs(shown.astype(int) - drawn).mean() < 5
+    kinds = [marker.ns for marker in messages['/cam/obstacle_markers'].markers]
+    assert kinds.count('rock') == frame['obstacle_kinds']['rock']
+    (status,) = messages['/diagnostics'].status
+    assert status.name == '/cam/obstacle_detector: detection'
+    assert int(status.level) == 0
+    values = {each.key: each.value for each in status.values}
+    assert values['obstacles'] == str(frame['obstacles'])
+    assert values['nearest obstacle (m)'] == f'{frame["nearest_obstacle_m"]:.2f}'
+    assert values['camera height (m)'] == f'{frame["camera_height_m"]:.2f}'
+
+
+def test_a_warning_is_in_the_diagnostics(bag, tmp_path):
+    arguments = ['-o', str(tmp_path / 'out'), '--duration', '0.05', '--set', 'camera_pitch=20']
+    arguments += ['--set', 'gravity_source=parameters']
+    assert main(['replay', str(bag), *arguments]) == 0
+    (warning, *_) = _summary(tmp_path / 'out')['frames'][0]['warnings']
+    messages = {topic: message for topic, _, message in _detections(tmp_path / 'out')}
+    (status,) = messages['/diagnostics'].status
+    assert int(status.level) == 1
+    assert warning in status.message
 
 
 def test_every_masked_pixel_but_those_of_rims_has_a_point(replayed):
@@ -177,11 +221,7 @@ def test_the_mcap_package_reads_the_detections(replayed):
         topics = [channel.topic for _, channel, _ in reader.iter_messages()]
         schemas = {schema.name for schema in reader.get_summary().schemas.values()}
     assert topics.count('/cam/obstacle_mask') == 3
-    assert schemas == {
-        'sensor_msgs/msg/Image',
-        'sensor_msgs/msg/PointCloud2',
-        'nav_msgs/msg/OccupancyGrid',
-    }
+    assert schemas == set(TYPES.values())
 
 
 def test_each_frame_has_its_pictures(replayed):

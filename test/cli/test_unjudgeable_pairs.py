@@ -18,7 +18,7 @@ from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import CameraError, UnjudgeablePairError
-from rover_obstacle_detection.offline import detect_pair, replay
+from rover_obstacle_detection.offline import detect_pair, frame_outputs, replay
 
 PERIOD_NS = 100_000_000
 REASON = 'the right image does not belong to the left one: 2 % of the textured pixels match'
@@ -151,7 +151,7 @@ def test_any_failure_with_one_pair_is_that_of_the_pair(
 def test_pictures_of_a_pair_that_fails_are_removed(
     bag: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    written = replay.write_pictures
+    written = frame_outputs.write_pictures
     calls = iter(range(4))
 
     def fail_at_the_last(*arguments: Any) -> None:
@@ -159,7 +159,7 @@ def test_pictures_of_a_pair_that_fails_are_removed(
         if next(calls) == 3:
             raise cv2.error('no more')
 
-    monkeypatch.setattr(replay, 'write_pictures', fail_at_the_last)
+    monkeypatch.setattr(frame_outputs, 'write_pictures', fail_at_the_last)
 
     assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), '--images']) == 0
 
