@@ -12,11 +12,14 @@ from rover_obstacle_detection.cli.arguments import (
     add_detector_arguments,
     add_output_arguments,
     add_recording_arguments,
-    calibration_files,
     detector_config,
     non_negative_number,
     positive_int,
     positive_number,
+)
+from rover_obstacle_detection.cli.calibration_arguments import (
+    add_calibration_arguments,
+    calibration_request,
 )
 from rover_obstacle_detection.cli.console import (
     progress_bars,
@@ -61,6 +64,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help='rosbag2 folder or file (.mcap, .db3), or rosbag1 file (.bag)',
     )
     _add_input_arguments(parser)
+    add_calibration_arguments(parser, ' (default: from the bag)')
     add_detector_arguments(parser)
     output = add_output_arguments(parser)
     output.add_argument('--images', action='store_true', help='write pictures of every frame')
@@ -158,7 +162,7 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
-        calibration=calibration_files(arguments),
+        calibration=calibration_request(arguments),
         tolerance_ns=None if tolerance_s is None else round(1e9 * tolerance_s),
         start_s=arguments.start,
         duration_s=arguments.duration,

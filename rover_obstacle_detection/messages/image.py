@@ -45,6 +45,18 @@ def decode_any_image(message: Any, name: str, most_pixels: int = MAX_PIXELS) -> 
     return decode_compressed_image(message, name, most_pixels)
 
 
+def image_size(message: Any) -> tuple[int, int] | None:
+    """Return width and height of an Image or CompressedImage; None if it does not say so."""
+    if hasattr(message, 'encoding'):
+        size = int(message.width), int(message.height)
+    else:
+        try:
+            size = declared_size(_bytes(message.data).tobytes())
+        except ValueError:
+            return None
+    return size if min(size) > 0 else None
+
+
 def decode_image(message: Any, name: str) -> NDArray[Any]:
     """Decode a ``sensor_msgs/Image``.
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
-from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.image import decode_compressed_image
 from rover_obstacle_detection.messages.rectification import (
     StereoRectification,
@@ -44,7 +44,7 @@ OUTPUT_FILES = (
 def detect_pair(
     left: Path,
     right: Path,
-    calibration: tuple[Path, Path],
+    calibration: CalibrationRequest,
     config: DetectorConfig,
     output: Path,
     *,
@@ -61,8 +61,7 @@ def detect_pair(
     ----------
     left, right : Path
         Images, grey or colour; rectified, unless `raw` is set.
-    calibration : tuple of Path
-        Calibration files of the left and the right camera.
+    calibration : CalibrationRequest
     config : DetectorConfig
     output : Path
     rover : RoverMask, optional
@@ -77,9 +76,10 @@ def detect_pair(
     ObstacleDetectionError
         If a file cannot be read, the files do not match or the pair cannot be judged.
     """
-    stereo = load_stereo_calibration(*calibration)
-    camera = stereo.camera
     left_image, right_image = read_image(left), read_image(right)
+    height, width = left_image.shape[:2]
+    stereo = calibration.calibration(lambda: (width, height))
+    camera = stereo.camera
     if raw:
         left_image, right_image = StereoRectification(stereo)(left_image, right_image)
     elif needs_rectification(stereo.left) or needs_rectification(stereo.right):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, open_bag
+from rover_obstacle_detection.bags.requested_calibration import requested_calibration
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.bags.writer import BagWriter
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -25,7 +27,6 @@ from rover_obstacle_detection.errors import (
     UnjudgeablePairError,
     failure_text,
 )
-from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.offline.output_file import atomic_write_json
 from rover_obstacle_detection.offline.output_folder import output_folder
@@ -71,8 +72,8 @@ class ReplayOptions:
         Pixels that show the rover itself.
     left_topic, right_topic : str, optional
         Image topics; found by name if omitted.
-    calibration : tuple of Path, optional
-        Calibration files of the left and the right camera; from the bag if omitted.
+    calibration : CalibrationRequest
+        From the bag if nothing is given.
     tolerance_ns : int, optional
         Largest stamp difference of a pair; equal stamps are required if omitted.
     start_s, duration_s : float
@@ -91,7 +92,7 @@ class ReplayOptions:
     rover: RoverMask | None = None
     left_topic: str | None = None
     right_topic: str | None = None
-    calibration: tuple[Path, Path] | None = None
+    calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
     tolerance_ns: int | None = None
     start_s: float = 0.0
     duration_s: float | None = None
@@ -129,13 +130,10 @@ def replay_bag(
         if bag.notes and not options.salvage:
             raise BagError(f'{bag.notes[0]}: give --salvage to replay these')
         topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
-        calibration = (
-            load_stereo_calibration(*options.calibration) if options.calibration else None
-        )
         pairs = read_pairs(
             bag,
             topics,
-            calibration=calibration,
+            calibration=requested_calibration(options.calibration, bag, topics),
             tolerance_ns=options.tolerance_ns,
             start_s=options.start_s,
             duration_s=options.duration_s,

@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import cv2
@@ -116,6 +117,26 @@ def test_distortion_is_named_and_raw_images_are_rectified(files, capsys):
     assert not np.array_equal(rectified[0], stereo_images()[0])
     mask = cv2.imread(str(files / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
     assert np.array_equal(mask, Detector(CAMERA).detect(*rectified).mask)
+
+
+def _detect_with(folder, *options):
+    images = [str(folder / f'{side}.png') for side in ('left', 'right')]
+    assert main(['detect', *images, '-o', str(folder / 'out'), *map(str, options)]) == 0
+    mask = cv2.imread(str(folder / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    return mask, json.loads((folder / 'out' / 'summary.json').read_text())['camera']
+
+
+def test_numbers_are_as_good_as_files(files):
+    numbers = ('--fx', CAMERA.fx, '--fy', CAMERA.fy, '--cx', CAMERA.cx, '--cy', CAMERA.cy)
+    mask, camera = _detect_with(files, *numbers, '--baseline', CAMERA.baseline_m)
+    assert camera == pytest.approx(asdict(CAMERA))
+    assert np.array_equal(mask, Detector(CAMERA).detect(*stereo_images()).mask)
+
+
+def test_numbers_replace_those_of_files(files):
+    infos = ('--left-info', files / 'left.yaml', '--right-info', files / 'right.yaml')
+    _, camera = _detect_with(files, *infos, '--baseline', 0.13)
+    assert camera == pytest.approx({**asdict(CAMERA), 'baseline_m': 0.13})
 
 
 def test_existing_output_needs_force(files, capsys):

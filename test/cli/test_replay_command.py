@@ -284,6 +284,27 @@ def test_topics_and_calibration_files_can_be_given(tmp_path):
     assert _summary(tmp_path / 'out')['counts']['detected'] == 1
 
 
+def test_numbers_calibrate_a_recording_without_camera_info(tmp_path, bag, replayed, capsys):
+    bare = write_stereo_bag(tmp_path / 'bare', pairs=1, infos=False)
+    arguments = ['replay', str(bare), '-o', str(tmp_path / 'out')]
+    assert main([*arguments, '--fx', str(CAMERA.fx)]) == 1
+    error = capsys.readouterr().err
+    assert f'{bare}: the calibration lacks baseline: expected' in error
+    assert 'no camera_info topic' in error
+    numbers = [f'--{each}={getattr(CAMERA, each)}' for each in ('fx', 'fy', 'cx', 'cy')]
+    assert main([*arguments, *numbers, f'--baseline={CAMERA.baseline_m}']) == 0
+    same, as_before = _summary(tmp_path / 'out'), _summary(replayed[1])
+    assert same['cameras'] == [pytest.approx(as_before['cameras'][0])]
+    assert same['frames'][0]['obstacle_share'] == as_before['frames'][0]['obstacle_share']
+
+
+def test_a_number_replaces_that_of_the_recording(tmp_path, bag):
+    arguments = ['--duration', '0.05', '--baseline', '0.13']
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *arguments]) == 0
+    (camera,) = _summary(tmp_path / 'out')['cameras']
+    assert (camera['fx'], camera['baseline_m']) == pytest.approx((CAMERA.fx, 0.13))
+
+
 def test_existing_output_needs_force(bag, tmp_path, capsys):
     output = tmp_path / 'out'
     arguments = ['replay', str(bag), '-o', str(output), '--duration', '0.05']

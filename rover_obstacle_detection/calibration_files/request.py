@@ -1,0 +1,86 @@
+"""The calibration that a user asks for: files, numbers or both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, Cameras, Size
+from rover_obstacle_detection.errors import CameraError
+from rover_obstacle_detection.messages.calibration import StereoCalibration, load_camera_info
+
+WAYS = '--fx or --hfov, --baseline, or --left-info and --right-info'
+
+
+@dataclass(frozen=True)
+class CalibrationRequest:
+    """Where the calibration comes from; numbers replace the values of files.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        Calibration files of the left and the right camera; may be empty.
+    numbers : CameraNumbers
+    """
+
+    files: tuple[Path, ...] = ()
+    numbers: CameraNumbers = field(default_factory=CameraNumbers)
+
+    @property
+    def is_given(self) -> bool:
+        """Whether anything is given."""
+        return bool(self.files) or self.numbers.are_given
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it gives a stereo camera without another calibration."""
+        return bool(self.files) or not self.numbers.lacking
+
+    @property
+    def lack(self) -> str:
+        """What is missing and how to give it, for an error message."""
+        lacking = ' and '.join(self.numbers.lacking)
+        return f'the calibration lacks {lacking}: expected {WAYS}'
+
+    def calibration(
+        self,
+        size: Callable[[], Size],
+        recorded: Callable[[], tuple[Cameras, str]] | None = None,
+    ) -> StereoCalibration:
+        """Read the files and apply the numbers.
+
+        Parameters
+        ----------
+        size : callable
+            Returns width and height of the images.
+        recorded : callable, optional
+            Returns the cameras of the recording and their source, if the numbers need them.
+
+        Raises
+        ------
+        CameraError
+            If something is missing, cannot be read or forms no stereo camera.
+        """
+        sources = []
+        if self.files:
+            cameras = load_camera_info(self.files[0]), load_camera_info(self.files[1])
+            sources.append(' and '.join(map(str, self.files)))
+        elif self.is_complete:
+            cameras = None
+        elif recorded is not None:
+            cameras, source = recorded()
+            sources.append(source)
+        else:
+            raise CameraError(self.lack)
+        if self.numbers.are_given:
+            sources.insert(0, str(self.numbers))
+        source = ', '.join(sources)
+        try:
+            if cameras is None:
+                cameras = self.numbers.cameras(size())
+            elif self.numbers.are_given:
+                cameras = self.numbers.applied(cameras)
+        except CameraError as error:
+            raise CameraError(f'{source}: {error}') from None
+        return StereoCalibration(*cameras, source)
