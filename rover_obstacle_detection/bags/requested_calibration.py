@@ -35,7 +35,9 @@ def requested_calibration(
         except BagError as error:
             raise CameraError(f'{bag.path}: {request.lack}; {error}') from None
 
-    return request.calibration(size, recorded) if request.is_given else None
+    if not request.is_given:
+        return None
+    return request.calibration(size, f'{bag.path} {topics.left_image}', recorded)
 
 
 def _first_size(bag: BagReader, topic: str) -> Size:

@@ -6,11 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rover_obstacle_detection.calibration_files.kitti import is_colour
+from rover_obstacle_detection.calibration_files.load import load_cameras
 from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, Cameras, Size
 from rover_obstacle_detection.errors import CameraError
-from rover_obstacle_detection.messages.calibration import StereoCalibration, load_camera_info
+from rover_obstacle_detection.messages.calibration import StereoCalibration
 
-WAYS = '--fx or --hfov, --baseline, or --left-info and --right-info'
+WAYS = '--fx or --hfov, --baseline, or --calibration, or --left-info and --right-info'
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,8 @@ class CalibrationRequest:
     Parameters
     ----------
     files : tuple of Path
-        Calibration files of the left and the right camera; may be empty.
+        A calibration file with both cameras, or those of the left and the right camera; may be
+        empty.
     numbers : CameraNumbers
     """
 
@@ -46,6 +49,7 @@ class CalibrationRequest:
     def calibration(
         self,
         size: Callable[[], Size],
+        images: str,
         recorded: Callable[[], tuple[Cameras, str]] | None = None,
     ) -> StereoCalibration:
         """Read the files and apply the numbers.
@@ -54,6 +58,8 @@ class CalibrationRequest:
         ----------
         size : callable
             Returns width and height of the images.
+        images : str
+            Path or topic of the left images, which tells KITTI's colour cameras.
         recorded : callable, optional
             Returns the cameras of the recording and their source, if the numbers need them.
 
@@ -64,7 +70,7 @@ class CalibrationRequest:
         """
         sources = []
         if self.files:
-            cameras = load_camera_info(self.files[0]), load_camera_info(self.files[1])
+            cameras = load_cameras(self.files, size, colour=is_colour(images))
             sources.append(' and '.join(map(str, self.files)))
         elif self.is_complete:
             cameras = None

@@ -26,12 +26,18 @@ def add_calibration_arguments(parser: argparse.ArgumentParser, default: str = ''
         f'Files, numbers or both{default}. Numbers are those of the rectified camera; the images '
         'give its size. A number replaces the value of the files.',
     )
+    group.add_argument(
+        '--calibration',
+        metavar='FILE',
+        type=Path,
+        help='calibration of both cameras: of Kalibr, OpenCV (YAML or XML) or KITTI',
+    )
     for side in ('left', 'right'):
         group.add_argument(
             f'--{side}-info',
             metavar='FILE',
             type=Path,
-            help=f'calibration of the {side} camera, as written by ROS camera_calibration',
+            help=f'calibration of the {side} camera: of ROS camera_calibration, or any of these',
         )
     for name, metavar, kind, text in (
         ('fx', 'PX', positive_number, 'focal length'),
@@ -72,6 +78,12 @@ def calibration_request(arguments: argparse.Namespace) -> CalibrationRequest:
 
 def _files(arguments: argparse.Namespace) -> tuple[Path, ...]:
     left, right = arguments.left_info, arguments.right_info
+    if arguments.calibration:
+        if left or right:
+            raise argparse.ArgumentTypeError(
+                '--calibration is given with --left-info or --right-info: expected either'
+            )
+        return (arguments.calibration,)
     if left and right:
         return left, right
     if left or right:

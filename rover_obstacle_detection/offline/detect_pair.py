@@ -78,13 +78,13 @@ def detect_pair(
     """
     left_image, right_image = read_image(left), read_image(right)
     height, width = left_image.shape[:2]
-    stereo = calibration.calibration(lambda: (width, height))
+    stereo = calibration.calibration(lambda: (width, height), str(left))
     camera = stereo.camera
     if raw:
         left_image, right_image = StereoRectification(stereo)(left_image, right_image)
     elif needs_rectification(stereo.left) or needs_rectification(stereo.right):
         _logger.warning(
-            '%s describe a lens distortion or rotation: the images are taken as rectified; give '
+            'a lens distortion or rotation is in %s, but the images are taken as rectified; give '
             '--raw if they are not',
             stereo.source,
         )

@@ -13,7 +13,7 @@ RIGHT = rectified_camera((640, 480), (400, 0, 305, -48, 0, 410, 230, 0, 0, 0, 1,
 
 def camera(numbers, recorded=None):
     request = CalibrationRequest(numbers=CameraNumbers(**numbers))
-    return request.calibration(lambda: (640, 480), recorded).camera
+    return request.calibration(lambda: (640, 480), 'left.png', recorded).camera
 
 
 def test_numbers_give_a_camera_with_its_centre_in_the_image():

@@ -79,6 +79,10 @@ def test_help_imports_nothing_slow():
             ('replay', 'bag', '-o', 'out', '--hfov', '70', '--fx', '400'),
             '--fx and --hfov are both given',
         ),
+        (
+            ('replay', 'bag', '-o', 'out', '--calibration', 'c', '--left-info', 'l'),
+            '--calibration is given with --left-info',
+        ),
         (('detect', 'l.png', 'r.png', '-o', 'out', '--fx', '-4'), 'expected a number above 0'),
     ],
 )
