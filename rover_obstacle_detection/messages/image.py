@@ -190,6 +190,12 @@ def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
         if value <= 0:
             msg = f'{name}: {field} is {value}: expected a positive number of pixels'
             raise ImageError(msg)
+        if field in encoding.even and value % 2:
+            msg = f'{name}: {field} is {value}: expected an even number for {message.encoding}'
+            raise ImageError(msg)
+    rows, rows_text = height, 'height'
+    if encoding.colour_rows:
+        rows, rows_text = height * 3 // 2, '1.5 height'
     row_bytes = width * encoding.pixel_bytes
     if step < row_bytes:
         msg = (
@@ -198,14 +204,14 @@ def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
         )
         raise ImageError(msg)
     data = _bytes(message.data)
-    if data.size != height * step:
+    if data.size != rows * step:
         msg = (
-            f'{name}: data has {data.size} bytes: expected height x step = {height} x {step} = '
-            f'{height * step}'
+            f'{name}: data has {data.size} bytes: expected {rows_text} x step = {rows} x {step} = '
+            f'{rows * step}'
         )
         raise ImageError(msg)
     stored = np.dtype(encoding.dtype).newbyteorder('>' if message.is_bigendian else '<')
-    shape = (height, width) if encoding.channels == 1 else (height, width, encoding.channels)
+    shape = (rows, width) if encoding.channels == 1 else (rows, width, encoding.channels)
     strides = (step, encoding.pixel_bytes, stored.itemsize)[: len(shape)]
     pixels: NDArray[Any] = np.ndarray(shape, stored, data.data, strides=strides)
     native = pixels.astype(encoding.dtype, copy=False)
@@ -277,6 +283,8 @@ def _grey_or_bgr(image: NDArray[Any], format_: str) -> NDArray[Any]:
         source = IMAGE_ENCODINGS.get(format_.split(';')[0].strip())
         # compressed_image_transport stores a Bayer mosaic as a grey image.
         if source is None or source.conversion is None or source.channels != 1:
+            return image
+        if source.colour_rows:
             return image
         if np.dtype(source.dtype) != image.dtype:
             return image
