@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.offline.replay import ReplayOptions
 
 DESCRIPTION = """\
-Detect obstacles in recorded bags: rosbag2 (mcap or sqlite3) or rosbag1.
+Detect obstacles in recorded bags, rosbag2 (mcap or sqlite3) or rosbag1, and in folders of images.
 
 Writes to DIR, or to DIR/<name of the bag> if there are several bags:
   detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points and ground_points in the
@@ -48,6 +48,7 @@ examples:
   rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
   rover-obstacles replay bag/ -o out --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
       --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
+  rover-obstacles replay images/ -o out --hfov 75 --baseline 0.06
   rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
 """
 
@@ -61,7 +62,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         nargs='+',
         metavar='BAG',
         type=Path,
-        help='rosbag2 folder or file (.mcap, .db3), or rosbag1 file (.bag)',
+        help='rosbag2 folder or file (.mcap, .db3), rosbag1 file (.bag), or folder of images: '
+        'EuRoC, KITTI, or left/ and right/',
     )
     _add_input_arguments(parser)
     add_calibration_arguments(parser, ' (default: from the bag)')
