@@ -12,7 +12,10 @@ from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, Ca
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import StereoCalibration
 
-WAYS = '--fx or --hfov, --baseline, or --calibration, or --left-info and --right-info'
+_OPTIONS = {'fx (or hfov)': '--fx or --hfov', 'baseline': '--baseline'}
+_FILES = '--calibration, or --left-info and --right-info'
+
+WAYS = f'{", ".join(_OPTIONS.values())}, or {_FILES}'
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,9 @@ class CalibrationRequest:
     @property
     def lack(self) -> str:
         """What is missing and how to give it, for an error message."""
-        lacking = ' and '.join(self.numbers.lacking)
-        return f'the calibration lacks {lacking}: expected {WAYS}'
+        lacking = self.numbers.lacking
+        options = ', '.join(_OPTIONS[name] for name in lacking)
+        return f'the calibration lacks {" and ".join(lacking)}: expected {options}, or {_FILES}'
 
     def calibration(
         self,
