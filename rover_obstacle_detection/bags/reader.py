@@ -11,7 +11,11 @@ from typing import Any
 
 from rover_obstacle_detection.bags.source import Entry, Source
 from rover_obstacle_detection.bags.sources import open_sources, read_failure
-from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
+from rover_obstacle_detection.bags.topics import (
+    StereoTopics,
+    find_stereo_topics,
+    side_by_side_topics,
+)
 from rover_obstacle_detection.calibration_files.request import WAYS
 from rover_obstacle_detection.errors import BagError, CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
@@ -108,9 +112,13 @@ class BagReader:
             yield entry
 
     def stereo_topics(
-        self, *, left_image: str | None = None, right_image: str | None = None
+        self,
+        *,
+        left_image: str | None = None,
+        right_image: str | None = None,
+        side_by_side: bool = False,
     ) -> StereoTopics:
-        """Find the stereo camera's topics; see `find_stereo_topics`.
+        """Find the stereo camera's topics; see `find_stereo_topics` and `side_by_side_topics`.
 
         Raises
         ------
@@ -118,6 +126,8 @@ class BagReader:
             As `find_stereo_topics`, with the recording's path in front.
         """
         try:
+            if side_by_side and left_image is not None:
+                return side_by_side_topics(self.topics, left_image)
             return find_stereo_topics(self.topics, left_image=left_image, right_image=right_image)
         except BagError as error:
             raise BagError(f'{self.path}: {error}') from None

@@ -27,7 +27,8 @@ def requested_calibration(
     """
 
     def size() -> Size:
-        return _first_size(bag, topics.left_image)
+        width, height = _first_size(bag, topics.left_image)
+        return width // (2 if topics.is_side_by_side else 1), height
 
     def recorded() -> tuple[Cameras, str]:
         try:

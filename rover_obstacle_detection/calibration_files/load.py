@@ -32,7 +32,8 @@ def load_cameras(files: Sequence[Path], size: Callable[[], Size], *, colour: boo
     Parameters
     ----------
     files : sequence of Path
-        One file with both cameras, or the files of the left and the right camera.
+        One file with both cameras, the files of the left and the right camera, or two files of
+        OpenCV that complete each other.
     size : callable
         Returns the size of the images, for formats without it.
     colour : bool
@@ -46,6 +47,10 @@ def load_cameras(files: Sequence[Path], size: Callable[[], Size], *, colour: boo
     read = [_recognise(path) for path in files]
     if all(each.format == EUROC for each in read) and len(read) == 2:
         return _named(files, lambda: kalibr.sensors(read[0].content, read[1].content))
+    if all(each.format == OPENCV for each in read) and _agree(read[0].content, read[-1].content):
+        # OpenCV's sample writes intrinsics.yml and extrinsics.yml.
+        content = {**read[0].content, **read[-1].content}
+        return _named(files, lambda: opencv.stereo_storage(content, size))
     if len(read) == 1:
         both = _both(read[0], size, colour=colour)
         if both is None:
@@ -87,6 +92,10 @@ def _text(path: Path) -> str:
     if len(data) > MAX_BYTES:
         raise CameraError(f'{path}: has more than {MAX_BYTES} bytes: expected a {_KIND}')
     return data.decode(errors='replace')
+
+
+def _agree(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    return all(one[key] == other[key] for key in one.keys() & other.keys())
 
 
 def _both(file: _File, size: Callable[[], Size], *, colour: bool) -> Cameras | None:

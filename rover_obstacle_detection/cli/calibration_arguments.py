@@ -30,7 +30,9 @@ def add_calibration_arguments(parser: argparse.ArgumentParser, default: str = ''
         '--calibration',
         metavar='FILE',
         type=Path,
-        help='calibration of both cameras: of Kalibr, OpenCV (YAML or XML) or KITTI',
+        action='append',
+        help='calibration of both cameras: of Kalibr, OpenCV (YAML or XML) or KITTI; given twice '
+        'for intrinsics.yml and extrinsics.yml of OpenCV',
     )
     for side in ('left', 'right'):
         group.add_argument(
@@ -83,7 +85,12 @@ def _files(arguments: argparse.Namespace) -> tuple[Path, ...]:
             raise argparse.ArgumentTypeError(
                 '--calibration is given with --left-info or --right-info: expected either'
             )
-        return (arguments.calibration,)
+        if len(arguments.calibration) > 2:
+            raise argparse.ArgumentTypeError(
+                f'--calibration is given {len(arguments.calibration)} times: expected one file, '
+                'or two of OpenCV'
+            )
+        return tuple(arguments.calibration)
     if left and right:
         return left, right
     if left or right:

@@ -44,8 +44,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     summary = 'detect obstacles in one pair of image files'
     parser = add_command(subparsers, 'detect', summary, DESCRIPTION, EPILOG)
     source = parser.add_argument_group('input')
-    for side in ('left', 'right'):
-        source.add_argument(side, metavar=side.upper(), type=Path, help=f'{side} image')
+    source.add_argument('left', metavar='LEFT', type=Path, help='left image')
+    source.add_argument('right', metavar='RIGHT', type=Path, nargs='?', help='right image')
+    source.add_argument(
+        '--side-by-side',
+        action='store_true',
+        help='LEFT shows both views, the left one in its left half; there is no RIGHT',
+    )
     source.add_argument(
         '--raw',
         action='store_true',
@@ -67,6 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     from rover_obstacle_detection.pictures import shown_obstacles
     from rover_obstacle_detection.rover_mask import RoverMask
 
+    if arguments.side_by_side == (arguments.right is not None):
+        raise argparse.ArgumentTypeError(
+            'expected LEFT and RIGHT, or one image and --side-by-side'
+        )
     calibration = calibration_request(arguments)
     if not calibration.is_complete:
         raise argparse.ArgumentTypeError(calibration.lack)

@@ -84,6 +84,11 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('input')
     add_recording_arguments(group)
     group.add_argument(
+        '--side-by-side',
+        action='store_true',
+        help='each image of --left-topic shows both views, the left one in its left half',
+    )
+    group.add_argument(
         '--approximate-sync',
         metavar='SECONDS',
         type=positive_number,
@@ -158,12 +163,17 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
     from rover_obstacle_detection.offline.replay import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
+    if arguments.side_by_side and (arguments.right_topic or not arguments.left_topic):
+        raise argparse.ArgumentTypeError(
+            '--side-by-side: expected --left-topic with both views, and no --right-topic'
+        )
     tolerance_s = arguments.approximate_sync
     return ReplayOptions(
         config=detector_config(arguments),
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
+        side_by_side=arguments.side_by_side,
         calibration=calibration_request(arguments),
         tolerance_ns=None if tolerance_s is None else round(1e9 * tolerance_s),
         start_s=arguments.start,

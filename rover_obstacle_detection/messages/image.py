@@ -57,6 +57,23 @@ def image_size(message: Any) -> tuple[int, int] | None:
     return size if min(size) > 0 else None
 
 
+def halves(image: NDArray[Any], name: str) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the left and the right half of an image that shows both views side by side.
+
+    Raises
+    ------
+    ImageError
+        If its width is odd.
+    """
+    width = image.shape[1]
+    if width % 2:
+        raise ImageError(
+            f'{name}: width is {width}: expected an even number for two views side by side'
+        )
+    left, right = np.split(image, 2, axis=1)
+    return np.ascontiguousarray(left), np.ascontiguousarray(right)
+
+
 def decode_image(message: Any, name: str) -> NDArray[Any]:
     """Decode a ``sensor_msgs/Image``.
 

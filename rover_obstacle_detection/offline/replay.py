@@ -72,6 +72,8 @@ class ReplayOptions:
         Pixels that show the rover itself.
     left_topic, right_topic : str, optional
         Image topics; found by name if omitted.
+    side_by_side : bool
+        The images of `left_topic` show both views side by side.
     calibration : CalibrationRequest
         From the bag if nothing is given.
     tolerance_ns : int, optional
@@ -92,6 +94,7 @@ class ReplayOptions:
     rover: RoverMask | None = None
     left_topic: str | None = None
     right_topic: str | None = None
+    side_by_side: bool = False
     calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
     tolerance_ns: int | None = None
     start_s: float = 0.0
@@ -129,7 +132,11 @@ def replay_bag(
     with open_bag(path) as bag:
         if bag.notes and not options.salvage:
             raise BagError(f'{bag.notes[0]}: give --salvage to replay these')
-        topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
+        topics = bag.stereo_topics(
+            left_image=options.left_topic,
+            right_image=options.right_topic,
+            side_by_side=options.side_by_side,
+        )
         pairs = read_pairs(
             bag,
             topics,

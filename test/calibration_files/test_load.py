@@ -111,6 +111,14 @@ def test_opencv_rectification_is_used_where_it_is_given(tmp_path):
     assert_is_the_camera(load(path, size=(1, 1)))
 
 
+def test_two_files_of_opencv_complete_each_other(tmp_path):
+    intrinsics = opencv_file(tmp_path / 'intrinsics.yml', M1=K1, D1=D1, M2=K2, D2=D2)
+    extrinsics = opencv_file(tmp_path / 'extrinsics.yml', R=R, T=T)
+    assert_is_the_camera(load(intrinsics, extrinsics))
+    with pytest.raises(CameraError, match=r'extrinsics\.yml: lacks K1, K2: expected'):
+        load(extrinsics)
+
+
 def test_opencv_projections_alone_are_of_rectified_images(tmp_path):
     calibration = load(opencv_file(tmp_path / 'stereo.yml', P1=P1, P2=P2))
     assert calibration.camera.fx == pytest.approx(P1[0, 0])

@@ -185,6 +185,19 @@ def test_raw_images_are_rectified_with_a_file_of_opencv(files, capsys):
     assert np.array_equal(mask, same)
 
 
+def test_both_views_may_be_side_by_side(files, capsys):
+    cv2.imwrite(str(files / 'both.png'), np.hstack(stereo_images()))
+    arguments = ['detect', str(files / 'both.png'), '--side-by-side', '-o', str(files / 'out')]
+    arguments += ['--calibration', str(_kitti(files))]
+    assert main(arguments) == 0
+    mask = cv2.imread(str(files / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(mask, Detector(CAMERA).detect(*stereo_images()).mask)
+    cv2.imwrite(str(files / 'both.png'), stereo_images()[0][:, 1:])
+    capsys.readouterr()
+    assert main([*arguments, '--force']) == 1
+    assert f'both.png: width is {CAMERA.width - 1}: expected an even' in capsys.readouterr().err
+
+
 def test_numbers_replace_those_of_files(files):
     infos = ('--left-info', files / 'left.yaml', '--right-info', files / 'right.yaml')
     _, camera = _detect_with(files, *infos, '--baseline', 0.13)

@@ -21,10 +21,12 @@ from hand_made import (
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.messages.cloud import decode_cloud
-from rover_obstacle_detection.messages.image import decode_image
+from rover_obstacle_detection.messages.header import make_header
+from rover_obstacle_detection.messages.image import decode_image, encode_image
 from rover_obstacle_detection.offline import replay
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES
 
@@ -296,6 +298,30 @@ def test_numbers_calibrate_a_recording_without_camera_info(tmp_path, bag, replay
     same, as_before = _summary(tmp_path / 'out'), _summary(replayed[1])
     assert same['cameras'] == [pytest.approx(as_before['cameras'][0])]
     assert same['frames'][0]['obstacle_share'] == as_before['frames'][0]['obstacle_share']
+
+
+def test_both_views_may_be_side_by_side(tmp_path, replayed, capsys):
+    path = tmp_path / 'wide'
+    with BagWriter(path) as bag:
+        for stamp_ns in (FIRST_STAMP_NS, FIRST_STAMP_NS + PERIOD_NS):
+            header = make_header(stamp_ns, 'camera', bag.factory)
+            message = encode_image(np.hstack(stereo_images()), 'mono8', header, bag.factory)
+            bag.add('/zed/image_rect', 'sensor_msgs/msg/Image', message, stamp_ns)
+    arguments = ['replay', str(path), '-o', str(tmp_path / 'out'), '--side-by-side']
+    assert main([*arguments, '--left-topic', '/zed/none']) == 1
+    assert 'no topic /zed/none' in capsys.readouterr().err
+    arguments += ['--left-topic', '/zed/image_rect', '--approximate-sync', '0.01']
+    assert main(arguments) == 1
+    assert 'no calibration for /zed/image_rect' in capsys.readouterr().err
+    numbers = [f'--{each}={getattr(CAMERA, each)}' for each in ('fx', 'fy', 'cx', 'cy')]
+    assert main([*arguments, *numbers, f'--baseline={CAMERA.baseline_m}']) == 0
+    same, as_before = _summary(tmp_path / 'out'), _summary(replayed[1])
+    assert same['cameras'] == [pytest.approx(as_before['cameras'][0])]
+    shares = [frame['obstacle_share'] for frame in same['frames']]
+    assert shares == [as_before['frames'][0]['obstacle_share']] * 2
+    assert {topic for topic, *_ in _detections(tmp_path / 'out')} == {
+        f'/zed/{name}' for name in ('obstacle_mask', 'obstacle_points', 'ground_points')
+    }
 
 
 def test_a_number_replaces_that_of_the_recording(tmp_path, bag):
