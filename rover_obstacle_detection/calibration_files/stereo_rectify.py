@@ -11,6 +11,8 @@ from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo
 
+_NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
+
 PINHOLE, FISHEYE = 'rational_polynomial', 'equidistant'
 
 
@@ -83,7 +85,7 @@ def rectified(
     if not np.allclose(pose @ pose.T, np.identity(3), atol=1e-3):
         raise CameraError(f'the rotation between the cameras is {rotation}: expected a rotation')
     k_left, k_right = (np.reshape(lens.k, (3, 3)) for lens in (left, right))
-    d_left, d_right = (np.array(lens.d, np.float64) for lens in (left, right))
+    d_left, d_right = (np.array(lens.d or _NO_DISTORTION, np.float64) for lens in (left, right))
     move = np.reshape(translation, (3, 1))
     flags = cv2.CALIB_ZERO_DISPARITY
     try:

@@ -42,6 +42,13 @@ POSE  cam_overlaps: [0]
     'POSE', ''.join(f'  - {row}\n' for row in np.vstack((np.c_[R, T], [0, 0, 0, 1])).tolist())
 )
 
+PARALLEL = """\
+  - [1, 0, 0, -0.2]
+  - [0, 1, 0, 0]
+  - [0, 0, 1, 0]
+  - [0, 0, 0, 1]
+"""
+
 SENSOR = """\
 # comment
 sensor_type: camera
@@ -135,6 +142,17 @@ def test_kalibr_fisheye_is_rectified(tmp_path):
     calibration = load(text_file(tmp_path / 'chain.yaml', text.replace('radtan', 'equidistant')))
     assert calibration.left.distortion_model == 'equidistant'
     assert calibration.camera.baseline_m == pytest.approx(np.linalg.norm(T))
+
+
+@pytest.mark.parametrize(('model', 'fx'), [('none', 500), ('equidistant', 463)])
+def test_parallel_cameras_are_not_turned(tmp_path, model, fx):
+    text = CHAIN.replace('radtan', model).replace('505.0, 506.0', '500.0, 501.0')
+    text = re.sub(r'distortion_coeffs: .*', 'distortion_coeffs: [0, 0, 0, 0]', text)
+    text = re.sub(r'(?<=T_cn_cnm1:\n)(  - .*\n){4}', PARALLEL, text)
+    calibration = load(text_file(tmp_path / 'camchain.yaml', text))
+    assert calibration.camera.fx == pytest.approx(fx, rel=0.01)
+    assert calibration.camera.baseline_m == pytest.approx(0.2)
+    assert calibration.left.r == pytest.approx(np.eye(3).ravel())
 
 
 def test_both_sides_may_come_from_one_file(tmp_path):
