@@ -93,7 +93,8 @@ def _lens(content: Mapping[str, Any], name: str) -> Lens:
             )
         coefficients: tuple[float, ...] = ()
         if model != 'none':
-            key = 'distortion_coeffs' if 'distortion_coeffs' in content else _EUROC_COEFFICIENTS
+            kalibr, euroc = 'distortion_coeffs', 'distortion_coefficients'
+            key = euroc if euroc in content else kalibr
             coefficients = values.numbers(content, key, (4,))
         return Lens.pinhole(
             values.size(content, 'resolution'),
@@ -101,9 +102,6 @@ def _lens(content: Mapping[str, Any], name: str) -> Lens:
             coefficients,
             _MODELS[model],
         )
-
-
-_EUROC_COEFFICIENTS = 'distortion_coefficients'
 
 
 def _posed(left: Lens, right: Lens, pose: np.ndarray[Any, np.dtype[np.float64]]) -> Cameras:
