@@ -26,6 +26,7 @@ LAYERS = {
         'yaml_file',
         'parameter_file',
         'messages',
+        'calibration_files',
         'bags',
         'simulation',
         'evaluation',

@@ -11,7 +11,12 @@ from typing import Any
 
 from rover_obstacle_detection.bags.source import Entry, Source
 from rover_obstacle_detection.bags.sources import open_sources, read_failure
-from rover_obstacle_detection.bags.topics import StereoTopics, find_stereo_topics
+from rover_obstacle_detection.bags.topics import (
+    StereoTopics,
+    find_stereo_topics,
+    side_by_side_topics,
+)
+from rover_obstacle_detection.calibration_files.request import WAYS
 from rover_obstacle_detection.errors import BagError, CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 
@@ -107,9 +112,13 @@ class BagReader:
             yield entry
 
     def stereo_topics(
-        self, *, left_image: str | None = None, right_image: str | None = None
+        self,
+        *,
+        left_image: str | None = None,
+        right_image: str | None = None,
+        side_by_side: bool = False,
     ) -> StereoTopics:
-        """Find the stereo camera's topics; see `find_stereo_topics`.
+        """Find the stereo camera's topics; see `find_stereo_topics` and `side_by_side_topics`.
 
         Raises
         ------
@@ -117,6 +126,8 @@ class BagReader:
             As `find_stereo_topics`, with the recording's path in front.
         """
         try:
+            if side_by_side and left_image is not None:
+                return side_by_side_topics(self.topics, left_image)
             return find_stereo_topics(self.topics, left_image=left_image, right_image=right_image)
         except BagError as error:
             raise BagError(f'{self.path}: {error}') from None
@@ -131,17 +142,24 @@ class BagReader:
         CameraError
             If no depth can be computed from this calibration.
         """
-        left, right = (
-            self._first_info(image, info)
-            for image, info in (
-                (topics.left_image, topics.left_info),
-                (topics.right_image, topics.right_info),
-            )
-        )
+        left, right = self.camera_infos(topics)
         try:
             return StereoCalibration(left, right, f'{topics.left_info} and {topics.right_info}')
         except CameraError as error:
             raise CameraError(f'{self.path}: {error}') from None
+
+    def camera_infos(self, topics: StereoTopics) -> tuple[CameraInfo, CameraInfo]:
+        """Read the first camera_info of each camera, whatever it says.
+
+        Raises
+        ------
+        BagError
+            If a camera has none.
+        """
+        return (
+            self._first_info(topics.left_image, topics.left_info),
+            self._first_info(topics.right_image, topics.right_info),
+        )
 
     def _first_info(self, image: str, info: str | None) -> CameraInfo:
         missing = 'no camera_info topic'
@@ -153,8 +171,7 @@ class BagReader:
             missing = f'{info} has no messages'
         raise BagError(
             f'{self.path}: no calibration for {image} ({missing}): expected a '
-            'sensor_msgs/CameraInfo topic next to it, or calibration files given with --left-info '
-            'and --right-info'
+            f'sensor_msgs/CameraInfo topic next to it, or a calibration given with {WAYS}'
         )
 
 

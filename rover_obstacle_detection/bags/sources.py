@@ -11,6 +11,8 @@ from rosbags.convert.converter import migrate_bytes
 from rosbags.highlevel import AnyReader
 
 from rover_obstacle_detection.bags.decompression import TooLargeError, bound_rosbags
+from rover_obstacle_detection.bags.image_folders import ImageFolders
+from rover_obstacle_detection.bags.image_layouts import LAYOUTS
 from rover_obstacle_detection.bags.message_types import guard_rosbags
 from rover_obstacle_detection.bags.source import Entry, Source, choose_typestore
 from rover_obstacle_detection.bags.streamed_mcap import StreamedMcap
@@ -111,9 +113,11 @@ def open_sources(path: Path, stack: ExitStack) -> list[Source]:
             if not files or isinstance(error, TooLargeError):
                 raise read_failure(path, error) from error
     if not files:
+        if images := ImageFolders.find(path):
+            return [images]
         raise BagError(
-            f'{path}: is not a recording: the folder has no metadata.yaml and no '
-            f'{", ".join(SUFFIXES)} file'
+            f'{path}: is not a recording: the folder has no metadata.yaml, no '
+            f'{", ".join(SUFFIXES)} file and no images of a known layout: {LAYOUTS}'
         )
     return [_open_file(each, stack) for each in files]
 

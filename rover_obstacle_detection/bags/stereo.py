@@ -22,7 +22,7 @@ from rover_obstacle_detection.messages.header import (
     make_header,
     stamp_ns,
 )
-from rover_obstacle_detection.messages.image import OVERSIZE, decode_camera_image
+from rover_obstacle_detection.messages.image import OVERSIZE, decode_camera_image, halves
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
 
@@ -212,11 +212,14 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             reason = f'{topic}: header.stamp is {stamp_s:g} s: expected more than 0'
             yield BadFrame(log_time_ns, topic, reason)
             return
-        is_left = topic == self._topics.left_image
-        add = self._pairing.add_left if is_left else self._pairing.add_right
-        pair = add(stamp, message)
-        if pair is not None:
-            yield from self._take_pair(pair)
+        # An image with both views is that of both topics.
+        for name, add in (
+            (self._topics.left_image, self._pairing.add_left),
+            (self._topics.right_image, self._pairing.add_right),
+        ):
+            pair = add(stamp, message) if topic == name else None
+            if pair is not None:
+                yield from self._take_pair(pair)
 
     def _take_pair(self, pair: Pair) -> Iterator[StereoPair | BadFrame]:
         self._seen_pairs += 1
@@ -227,7 +230,10 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             most_pixels = OVERSIZE * math.prod(self._watch.camera.shape)
             left = decode_camera_image(pair.left, topic, most_pixels)
             topic = self._topics.right_image
-            right = decode_camera_image(pair.right, topic, most_pixels)
+            if self._topics.is_side_by_side:
+                left, right = halves(left, topic)
+            else:
+                right = decode_camera_image(pair.right, topic, most_pixels)
             self._check_sizes(left, right)
             left, right = self._watch.rectify(left, right)
         except Exception as error:

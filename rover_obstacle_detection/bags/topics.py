@@ -58,7 +58,14 @@ class StereoTopics:
     def namespace(self) -> str:
         """Common prefix of the image topics, such as ``/stereo``; may be empty."""
         parts = zip(self.left_image.split('/'), self.right_image.split('/'), strict=False)
+        if self.is_side_by_side:
+            return self.left_image.rpartition('/')[0]
         return '/'.join(left for left, _ in takewhile(lambda pair: pair[0] == pair[1], parts))
+
+    @property
+    def is_side_by_side(self) -> bool:
+        """Whether each image of one topic shows both views, the left one in its left half."""
+        return self.left_image == self.right_image
 
     @property
     def is_rectified(self) -> bool:
@@ -118,6 +125,18 @@ def _with_infos(topics: Mapping[str, str], left_image: str, right_image: str) ->
         # A camera_info that both images share describes neither camera reliably.
         left_info = right_info = None
     return StereoTopics(left_image, right_image, left_info, right_info)
+
+
+def side_by_side_topics(topics: Mapping[str, str], image: str) -> StereoTopics:
+    """Return the one topic whose images show both views side by side, without a calibration.
+
+    Raises
+    ------
+    BagError
+        If it does not exist or is not an image.
+    """
+    _check_given(topics, image)
+    return StereoTopics(image, image)
 
 
 def _check_given(topics: Mapping[str, str], name: str | None) -> None:

@@ -50,6 +50,11 @@ def positive_number(text: str) -> float:
     return value
 
 
+def finite_number(text: str) -> float:
+    """Parse a finite number."""
+    return _number(text)
+
+
 def positive_int(text: str) -> int:
     """Parse a whole number, 1 or more."""
     try:
@@ -81,30 +86,14 @@ def setting(text: str) -> Setting:
     return name, value
 
 
-def add_calibration_arguments(
-    group: argparse._ArgumentGroup, *, required: bool, when_missing: str = ''
-) -> None:
-    """Add ``--left-info`` and ``--right-info``."""
-    for side in ('left', 'right'):
-        group.add_argument(
-            f'--{side}-info',
-            metavar='YAML',
-            type=Path,
-            required=required,
-            help=f'calibration of the {side} camera, as written by ROS camera_calibration'
-            f'{when_missing}',
-        )
-
-
 def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
-    """Add the options for a recording's topics and calibration, and ``--every``."""
+    """Add the options for a recording's topics, and ``--every``."""
     for side in ('left', 'right'):
         group.add_argument(
             f'--{side}-topic',
             metavar='TOPIC',
             help=f'{side} image topic (default: found by name)',
         )
-    add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
     group.add_argument(
         '--every',
         metavar='N',
@@ -112,25 +101,6 @@ def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
         default=1,
         help='use only every N-th pair (default: 1)',
     )
-
-
-def calibration_files(arguments: argparse.Namespace) -> tuple[Path, Path] | None:
-    """Return both calibration files, or None if neither is given.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        If one is given without the other.
-    """
-    left, right = arguments.left_info, arguments.right_info
-    if left and right:
-        return left, right
-    if left or right:
-        given, missing = ('left', 'right') if left else ('right', 'left')
-        raise argparse.ArgumentTypeError(
-            f'--{given}-info is given without --{missing}-info: expected both or neither'
-        )
-    return None
 
 
 def add_detector_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,11 +7,14 @@ import logging
 from pathlib import Path
 
 from rover_obstacle_detection.cli.arguments import (
-    add_calibration_arguments,
     add_command,
     add_detector_arguments,
     add_output_arguments,
     detector_config,
+)
+from rover_obstacle_detection.cli.calibration_arguments import (
+    add_calibration_arguments,
+    calibration_request,
 )
 
 _logger = logging.getLogger(__name__)
@@ -29,7 +32,8 @@ Writes to DIR:
                  intermediate steps
 """
 EPILOG = """\
-example:
+examples:
+  rover-obstacles detect left.png right.png --fx 665.1 --baseline 0.06 --output result
   rover-obstacles detect left.png right.png --left-info left.yaml --right-info right.yaml \\
       --output result
 """
@@ -40,14 +44,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     summary = 'detect obstacles in one pair of image files'
     parser = add_command(subparsers, 'detect', summary, DESCRIPTION, EPILOG)
     source = parser.add_argument_group('input')
-    for side in ('left', 'right'):
-        source.add_argument(side, metavar=side.upper(), type=Path, help=f'{side} image')
-    add_calibration_arguments(source, required=True)
+    source.add_argument('left', metavar='LEFT', type=Path, help='left image')
+    source.add_argument('right', metavar='RIGHT', type=Path, nargs='?', help='right image')
+    source.add_argument(
+        '--side-by-side',
+        action='store_true',
+        help='LEFT shows both views, the left one in its left half; there is no RIGHT',
+    )
     source.add_argument(
         '--raw',
         action='store_true',
         help='rectify the images with the calibration (default: they are rectified)',
     )
+    add_calibration_arguments(parser)
     add_detector_arguments(parser)
     add_output_arguments(parser)
     parser.set_defaults(run=run)
@@ -63,11 +72,18 @@ def run(arguments: argparse.Namespace) -> int:
     from rover_obstacle_detection.pictures import shown_obstacles
     from rover_obstacle_detection.rover_mask import RoverMask
 
+    if arguments.side_by_side == (arguments.right is not None):
+        raise argparse.ArgumentTypeError(
+            'expected LEFT and RIGHT, or one image and --side-by-side'
+        )
+    calibration = calibration_request(arguments)
+    if not calibration.is_complete:
+        raise argparse.ArgumentTypeError(calibration.lack)
     check_output_folder(arguments.output, force=arguments.force)
     detection = detect_pair(
         arguments.left,
         arguments.right,
-        (arguments.left_info, arguments.right_info),
+        calibration,
         detector_config(arguments),
         arguments.output,
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),

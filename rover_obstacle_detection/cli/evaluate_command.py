@@ -11,9 +11,12 @@ from rover_obstacle_detection.cli.arguments import (
     add_command,
     add_parameter_arguments,
     add_recording_arguments,
-    calibration_files,
     detector_config,
     positive_int,
+)
+from rover_obstacle_detection.cli.calibration_arguments import (
+    add_calibration_arguments,
+    calibration_request,
 )
 from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
@@ -63,6 +66,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help='method to evaluate, or all that are installed; may be repeated (default: hybrid)',
     )
     _add_input_arguments(parser)
+    add_calibration_arguments(parser, ' (default: from the bag)')
     add_parameter_arguments(parser.add_argument_group('parameters'))
     _add_output_arguments(parser)
     parser.set_defaults(run=run)
@@ -181,7 +185,7 @@ def _bag_options(arguments: argparse.Namespace) -> BagOptions:
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         labels_topic=arguments.labels_topic,
-        calibration=calibration_files(arguments),
+        calibration=calibration_request(arguments),
         every=arguments.every,
         conditions=arguments.conditions,
     )

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rover_obstacle_detection.cli.arguments import (
+from rover_obstacle_detection.cli.arguments import add_command
+from rover_obstacle_detection.cli.calibration_arguments import (
     add_calibration_arguments,
-    add_command,
-    calibration_files,
+    calibration_request,
 )
 from rover_obstacle_detection.cli.console import report_error
 from rover_obstacle_detection.errors import ObstacleDetectionError
@@ -51,7 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
             metavar='TOPIC',
             help=f'{side} image topic (default: every stereo camera found by name)',
         )
-    add_calibration_arguments(group, required=False, when_missing=' (default: from the bag)')
+    add_calibration_arguments(parser, ' (default: from the bag)')
     output = parser.add_argument_group('output')
     output.add_argument('--json', action='store_true', help='print a JSON list')
     output.add_argument(
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
             f'--write-calibration is given with {len(arguments.bags)} bags: expected one'
         )
     options = InspectionOptions(
-        arguments.left_topic, arguments.right_topic, calibration_files(arguments)
+        arguments.left_topic, arguments.right_topic, calibration_request(arguments)
     )
     content = []
     for path in arguments.bags:
@@ -96,6 +96,7 @@ def _inspect(
     path: Path, options: InspectionOptions, arguments: argparse.Namespace
 ) -> dict[str, Any]:
     """Inspect one bag and print it, unless everything is printed as JSON; return the JSON."""
+    from rover_obstacle_detection.calibration_files.request import CalibrationRequest
     from rover_obstacle_detection.offline.inspection.corrected_calibration import (
         write_corrected_calibration,
     )
@@ -119,7 +120,9 @@ def _inspect(
             report_error(str(error))
             failure = error
         if corrected and not corrected.for_raw_images:
-            inspection = inspect_bag(path, replace(options, calibration=corrected.files))
+            inspection = inspect_bag(
+                path, replace(options, calibration=CalibrationRequest(corrected.files))
+            )
     if not arguments.json:
         print(inspection_text(inspection), flush=True)
         if corrected:

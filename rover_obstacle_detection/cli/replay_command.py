@@ -13,11 +13,14 @@ from rover_obstacle_detection.cli.arguments import (
     add_detector_arguments,
     add_output_arguments,
     add_recording_arguments,
-    calibration_files,
     detector_config,
     non_negative_number,
     positive_int,
     positive_number,
+)
+from rover_obstacle_detection.cli.calibration_arguments import (
+    add_calibration_arguments,
+    calibration_request,
 )
 from rover_obstacle_detection.cli.console import (
     progress_bars,
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.offline.replay_options import ReplayOptions
 
 DESCRIPTION = """\
-Detect obstacles in recorded bags: rosbag2 (mcap or sqlite3) or rosbag1.
+Detect obstacles in recorded bags, rosbag2 (mcap or sqlite3) or rosbag1, and in folders of images.
 
 Writes to DIR, or to DIR/<name of the bag> if there are several bags:
   detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points, ground_points,
@@ -52,6 +55,7 @@ examples:
   rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
   rover-obstacles replay bag/ -o out --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
       --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
+  rover-obstacles replay images/ -o out --hfov 75 --baseline 0.06
   rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
 """
 
@@ -69,9 +73,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         nargs='+',
         metavar='BAG',
         type=Path,
-        help='rosbag2 folder or file (.mcap, .db3), or rosbag1 file (.bag)',
+        help='rosbag2 folder or file (.mcap, .db3), rosbag1 file (.bag), or folder of images: '
+        'EuRoC, KITTI, or left/ and right/',
     )
     _add_input_arguments(parser)
+    add_calibration_arguments(parser, ' (default: from the bag)')
     add_detector_arguments(parser)
     output = add_output_arguments(parser)
     output.add_argument(
@@ -103,6 +109,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('input')
     add_recording_arguments(group)
+    group.add_argument(
+        '--side-by-side',
+        action='store_true',
+        help='each image of --left-topic shows both views, the left one in its left half',
+    )
     group.add_argument(
         '--approximate-sync',
         metavar='SECONDS',
@@ -204,13 +215,18 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
     from rover_obstacle_detection.offline.replay_options import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
+    if arguments.side_by_side and (arguments.right_topic or not arguments.left_topic):
+        raise argparse.ArgumentTypeError(
+            '--side-by-side: expected --left-topic with both views, and no --right-topic'
+        )
     tolerance_s = arguments.approximate_sync
     return ReplayOptions(
         config=detector_config(arguments),
         rover=RoverMask.load(arguments.rover_mask, arguments.rover_polygon),
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
-        calibration=calibration_files(arguments),
+        side_by_side=arguments.side_by_side,
+        calibration=calibration_request(arguments),
         tolerance_ns=None if tolerance_s is None else round(1e9 * tolerance_s),
         start_s=arguments.start,
         duration_s=arguments.duration,

@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING
 from rover_obstacle_detection.cli.arguments import (
     add_parameter_arguments,
     add_recording_arguments,
-    calibration_files,
     detector_config,
     positive_int,
     positive_number,
+)
+from rover_obstacle_detection.cli.calibration_arguments import (
+    add_calibration_arguments,
+    calibration_request,
 )
 from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
 from rover_obstacle_detection.errors import ConfigurationError
@@ -65,6 +68,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         'bags', nargs='+', metavar='BAG', type=Path, help='labelled bag, as for evaluate'
     )
     _add_input_arguments(parser)
+    add_calibration_arguments(parser, ' (default: from the bag)')
     _add_held_out_arguments(parser)
     _add_search_arguments(parser)
     add_parameter_arguments(parser.add_argument_group('initial parameters'))
@@ -288,7 +292,7 @@ def _read(paths: Sequence[Path], arguments: argparse.Namespace) -> list[TuningSc
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         labels_topic=arguments.labels_topic,
-        calibration=calibration_files(arguments),
+        calibration=calibration_request(arguments),
         every=arguments.every,
     )
     with progress_bars([path.name for path in paths], 'frames') as on_progress:

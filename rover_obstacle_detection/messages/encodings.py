@@ -20,17 +20,27 @@ class Encoding:
     channels : int
     conversion : int, optional
         OpenCV colour conversion code: to BGR, or to grey for 16-bit Bayer mosaics.
+    even : tuple of str
+        Dimensions that must be even, because their pixels share colour.
+    colour_rows : bool
+        Whether the colour lies in half as many rows again below the grey image.
     """
 
     dtype: DTypeLike
     channels: int
     conversion: int | None = None
+    even: tuple[str, ...] = ()
+    colour_rows: bool = False
 
     @property
     def pixel_bytes(self) -> int:
         """Size of one pixel (bytes)."""
         return np.dtype(self.dtype).itemsize * self.channels
 
+
+_UYVY = Encoding(np.uint8, 2, cv2.COLOR_YUV2BGR_UYVY, ('width',))
+_YUYV = Encoding(np.uint8, 2, cv2.COLOR_YUV2BGR_YUY2, ('width',))
+_NV_EVEN = ('width', 'height')
 
 IMAGE_ENCODINGS = {
     'mono8': Encoding(np.uint8, 1),
@@ -51,6 +61,12 @@ IMAGE_ENCODINGS = {
     'bayer_bggr16': Encoding(np.uint16, 1, cv2.COLOR_BayerBGGR2GRAY),
     'bayer_gbrg16': Encoding(np.uint16, 1, cv2.COLOR_BayerGBRG2GRAY),
     'bayer_grbg16': Encoding(np.uint16, 1, cv2.COLOR_BayerGRBG2GRAY),
+    'yuv422': _UYVY,
+    'uyvy': _UYVY,
+    'yuv422_yuy2': _YUYV,
+    'yuyv': _YUYV,
+    'nv12': Encoding(np.uint8, 1, cv2.COLOR_YUV2BGR_NV12, _NV_EVEN, colour_rows=True),
+    'nv21': Encoding(np.uint8, 1, cv2.COLOR_YUV2BGR_NV21, _NV_EVEN, colour_rows=True),
 }
 
 FLOAT_ENCODING = '32FC1'

@@ -59,6 +59,35 @@ def decode_any_image(message: Any, name: str, most_pixels: int = MAX_PIXELS) -> 
     return decode_compressed_image(message, name, most_pixels)
 
 
+def image_size(message: Any) -> tuple[int, int] | None:
+    """Return width and height of an Image or CompressedImage; None if it does not say so."""
+    if hasattr(message, 'encoding'):
+        size = int(message.width), int(message.height)
+    else:
+        try:
+            size = declared_size(_bytes(message.data).tobytes())
+        except ValueError:
+            return None
+    return size if min(size) > 0 else None
+
+
+def halves(image: NDArray[Any], name: str) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the left and the right half of an image that shows both views side by side.
+
+    Raises
+    ------
+    ImageError
+        If its width is odd.
+    """
+    width = image.shape[1]
+    if width % 2:
+        raise ImageError(
+            f'{name}: width is {width}: expected an even number for two views side by side'
+        )
+    left, right = np.split(image, 2, axis=1)
+    return np.ascontiguousarray(left), np.ascontiguousarray(right)
+
+
 def decode_image(message: Any, name: str) -> NDArray[Any]:
     """Decode a ``sensor_msgs/Image``.
 
@@ -213,6 +242,12 @@ def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
         if value <= 0:
             msg = f'{name}: {field} is {value}: expected a positive number of pixels'
             raise ImageError(msg)
+        if field in encoding.even and value % 2:
+            msg = f'{name}: {field} is {value}: expected an even number for {message.encoding}'
+            raise ImageError(msg)
+    rows, rows_text = height, 'height'
+    if encoding.colour_rows:
+        rows, rows_text = height * 3 // 2, '1.5 height'
     row_bytes = width * encoding.pixel_bytes
     if step < row_bytes:
         msg = (
@@ -221,14 +256,14 @@ def _pixels(message: Any, encoding: Encoding, name: str) -> NDArray[Any]:
         )
         raise ImageError(msg)
     data = _bytes(message.data)
-    if data.size != height * step:
+    if data.size != rows * step:
         msg = (
-            f'{name}: data has {data.size} bytes: expected height x step = {height} x {step} = '
-            f'{height * step}'
+            f'{name}: data has {data.size} bytes: expected {rows_text} x step = {rows} x {step} = '
+            f'{rows * step}'
         )
         raise ImageError(msg)
     stored = np.dtype(encoding.dtype).newbyteorder('>' if message.is_bigendian else '<')
-    shape = (height, width) if encoding.channels == 1 else (height, width, encoding.channels)
+    shape = (rows, width) if encoding.channels == 1 else (rows, width, encoding.channels)
     strides = (step, encoding.pixel_bytes, stored.itemsize)[: len(shape)]
     pixels: NDArray[Any] = np.ndarray(shape, stored, data.data, strides=strides)
     return pixels.astype(encoding.dtype, copy=False)
@@ -298,6 +333,8 @@ def _grey_or_bgr(image: NDArray[Any], format_: str) -> NDArray[Any]:
         source = IMAGE_ENCODINGS.get(format_.split(';')[0].strip())
         # compressed_image_transport stores a Bayer mosaic as a grey image.
         if source is None or source.conversion is None or source.channels != 1:
+            return image
+        if source.colour_rows:
             return image
         if np.dtype(source.dtype) != image.dtype:
             return image

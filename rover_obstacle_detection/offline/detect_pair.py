@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.errors import ImageError
-from rover_obstacle_detection.messages.calibration import load_stereo_calibration
-from rover_obstacle_detection.messages.image import decode_compressed_image
+from rover_obstacle_detection.messages.image import decode_compressed_image, halves
 from rover_obstacle_detection.messages.rectification import (
     StereoRectification,
     needs_rectification,
@@ -43,8 +43,8 @@ OUTPUT_FILES = (
 
 def detect_pair(
     left: Path,
-    right: Path,
-    calibration: tuple[Path, Path],
+    right: Path | None,
+    calibration: CalibrationRequest,
     config: DetectorConfig,
     output: Path,
     *,
@@ -60,9 +60,9 @@ def detect_pair(
     Parameters
     ----------
     left, right : Path
-        Images, grey or colour; rectified, unless `raw` is set.
-    calibration : tuple of Path
-        Calibration files of the left and the right camera.
+        Images, grey or colour; rectified, unless `raw` is set. Without `right`, `left` shows both
+        views side by side.
+    calibration : CalibrationRequest
     config : DetectorConfig
     output : Path
     rover : RoverMask, optional
@@ -77,22 +77,26 @@ def detect_pair(
     ObstacleDetectionError
         If a file cannot be read, the files do not match or the pair cannot be judged.
     """
-    stereo = load_stereo_calibration(*calibration)
+    left_image = read_image(left)
+    names = str(left), str(right or left)
+    if right is None:
+        left_image, right_image = halves(left_image, names[0])
+    else:
+        right_image = read_image(right)
+    height, width = left_image.shape[:2]
+    stereo = calibration.calibration(lambda: (width, height), str(left))
     camera = stereo.camera
-    left_image, right_image = read_image(left), read_image(right)
     if raw:
         left_image, right_image = StereoRectification(stereo)(left_image, right_image)
     elif needs_rectification(stereo.left) or needs_rectification(stereo.right):
         _logger.warning(
-            '%s describe a lens distortion or rotation: the images are taken as rectified; give '
+            'a lens distortion or rotation is in %s, but the images are taken as rectified; give '
             '--raw if they are not',
             stereo.source,
         )
     detector = Detector(camera, config, rover.pixels(*camera.shape) if rover else None)
     stopwatch = Stopwatch()
-    detection = detect_unswapped(
-        detector, left_image, right_image, str(left), str(right), on_stage=stopwatch.lap
-    )
+    detection = detect_unswapped(detector, left_image, right_image, *names, on_stage=stopwatch.lap)
     stage_ms = stopwatch.take_ms()
     with output_folder(output, force=force, replaces=OUTPUT_FILES) as folder:
         write_png(folder / 'mask.png', detection.mask)
@@ -102,7 +106,7 @@ def detect_pair(
             folder / 'summary.json',
             {
                 **preamble('detect', config),
-                'images': {'left': str(left), 'right': str(right)},
+                'images': dict(zip(('left', 'right'), names, strict=True)),
                 'camera': asdict(camera),
                 **FrameSummary.of(detection).as_json(),
                 'warnings': list(detection.warnings),

@@ -5,17 +5,18 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, bag_name, open_bag
+from rover_obstacle_detection.bags.requested_calibration import requested_calibration
 from rover_obstacle_detection.bags.stereo import BadFrame, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.errors import BagError, CameraError, ImageError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.results import Evaluation, merged
 from rover_obstacle_detection.evaluation.runner import RunOptions, SceneRun
-from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.offline.labelled_bag import (
     TruthTopics,
     find_truth_topics,
@@ -40,8 +41,8 @@ class BagOptions:
     ----------
     left_topic, right_topic, labels_topic : str, optional
         Found by name if omitted.
-    calibration : tuple of Path, optional
-        Calibration files of the left and the right camera; from the bag if omitted.
+    calibration : CalibrationRequest
+        From the bag if nothing is given.
     every : int
         Use every n-th pair.
     conditions : sequence of str
@@ -51,7 +52,7 @@ class BagOptions:
     left_topic: str | None = None
     right_topic: str | None = None
     labels_topic: str | None = None
-    calibration: tuple[Path, Path] | None = None
+    calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
     every: int = 1
     conditions: Sequence[str] = ()
 
@@ -142,11 +143,10 @@ def labelled_frames(
         If there is no stereo camera or no calibration.
     """
     topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
-    files = options.calibration
     pairs = read_pairs(
         bag,
         topics,
-        calibration=load_stereo_calibration(*files) if files else None,
+        calibration=requested_calibration(options.calibration, bag, topics),
         every=options.every,
         extra_topics=truth.stamped,
     )

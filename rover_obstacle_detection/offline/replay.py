@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, open_bag
+from rover_obstacle_detection.bags.requested_calibration import requested_calibration
 from rover_obstacle_detection.bags.stereo import BadFrame, StereoPair, StereoPairs, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.detection.detector import Detector
@@ -22,7 +23,6 @@ from rover_obstacle_detection.errors import (
     UnjudgeablePairError,
     failure_text,
 )
-from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.offline.frame_outputs import OUTPUT_FILES, REPORT, FrameOutputs
 from rover_obstacle_detection.offline.output_file import atomic_write_json, atomic_write_text
 from rover_obstacle_detection.offline.output_folder import output_folder
@@ -74,14 +74,15 @@ def replay_bag(
     with open_bag(path) as bag:
         if bag.notes and not options.salvage:
             raise BagError(f'{bag.notes[0]}: give --salvage to replay these')
-        topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
-        calibration = (
-            load_stereo_calibration(*options.calibration) if options.calibration else None
+        topics = bag.stereo_topics(
+            left_image=options.left_topic,
+            right_image=options.right_topic,
+            side_by_side=options.side_by_side,
         )
         pairs = read_pairs(
             bag,
             topics,
-            calibration=calibration,
+            calibration=requested_calibration(options.calibration, bag, topics),
             tolerance_ns=options.tolerance_ns,
             start_s=options.start_s,
             duration_s=options.duration_s,

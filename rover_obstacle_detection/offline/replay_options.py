@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.rover_mask import RoverMask
 
@@ -20,8 +20,10 @@ class ReplayOptions:
         Pixels that show the rover itself.
     left_topic, right_topic : str, optional
         Image topics; found by name if omitted.
-    calibration : tuple of Path, optional
-        Calibration files of the left and the right camera; from the bag if omitted.
+    side_by_side : bool
+        The images of `left_topic` show both views side by side.
+    calibration : CalibrationRequest
+        From the bag if nothing is given.
     tolerance_ns : int, optional
         Largest stamp difference of a pair; equal stamps are required if omitted.
     start_s, duration_s : float
@@ -46,7 +48,8 @@ class ReplayOptions:
     rover: RoverMask | None = None
     left_topic: str | None = None
     right_topic: str | None = None
-    calibration: tuple[Path, Path] | None = None
+    side_by_side: bool = False
+    calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
     tolerance_ns: int | None = None
     start_s: float = 0.0
     duration_s: float | None = None

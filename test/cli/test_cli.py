@@ -70,7 +70,23 @@ def test_help_imports_nothing_slow():
         (('replay', 'bag', '-o', 'out', '--set', 'window_size=4'), 'window_size is 4'),
         (('replay', 'bag', '-o', 'out', '--set', 'sgbm_mode=x'), 'a whole number'),
         (('replay', 'bag', '-o', 'out', '--left-info', 'l.yaml'), 'without --right-info'),
-        (('detect', 'l.png', 'r.png', '-o', 'out'), '--left-info'),
+        (
+            ('detect', 'l.png', 'r.png', '-o', 'out'),
+            'the calibration lacks fx (or hfov) and baseline: expected --fx or --hfov, --baseline',
+        ),
+        (('detect', 'l.png', 'r.png', '-o', 'out', '--hfov', '70'), 'lacks baseline: expected'),
+        (
+            ('replay', 'bag', '-o', 'out', '--hfov', '70', '--fx', '400'),
+            '--fx and --hfov are both given',
+        ),
+        (
+            ('replay', 'bag', '-o', 'out', '--calibration', 'c', '--left-info', 'l'),
+            '--calibration is given with --left-info',
+        ),
+        (('detect', 'l.png', '-o', 'out'), 'expected LEFT and RIGHT, or one image and --side'),
+        (('detect', 'l.png', 'r.png', '--side-by-side', '-o', 'out'), 'expected LEFT and RIGHT'),
+        (('replay', 'bag', '--side-by-side', '-o', 'out'), 'expected --left-topic with both'),
+        (('detect', 'l.png', 'r.png', '-o', 'out', '--fx', '-4'), 'expected a number above 0'),
     ],
 )
 def test_a_usage_error_exits_with_2_and_says_what_is_expected(arguments, complaint, capsys):

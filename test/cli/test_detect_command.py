@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import cv2
@@ -106,7 +107,7 @@ DISTORTED = r'\1[-0.2, 0.05, 0, 0, 0]'
 def test_distortion_is_named_and_raw_images_are_rectified(files, capsys):
     _distort(files)
     assert _detect(files) == 0
-    assert re.search(r'WARNING: .*left\.yaml and .*distortion.*--raw', capsys.readouterr().err)
+    assert re.search(r'WARNING: .*distortion.*left\.yaml and .*--raw', capsys.readouterr().err)
     assert _detect(files, '--raw', '--force') == 0
     assert 'distortion' not in capsys.readouterr().err
     rectified = [
@@ -116,6 +117,91 @@ def test_distortion_is_named_and_raw_images_are_rectified(files, capsys):
     assert not np.array_equal(rectified[0], stereo_images()[0])
     mask = cv2.imread(str(files / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
     assert np.array_equal(mask, Detector(CAMERA).detect(*rectified).mask)
+
+
+def _detect_with(folder, *options):
+    images = [str(folder / f'{side}.png') for side in ('left', 'right')]
+    assert main(['detect', *images, '-o', str(folder / 'out'), *map(str, options)]) == 0
+    mask = cv2.imread(str(folder / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    return mask, json.loads((folder / 'out' / 'summary.json').read_text())['camera']
+
+
+def test_numbers_are_as_good_as_files(files):
+    numbers = ('--fx', CAMERA.fx, '--fy', CAMERA.fy, '--cx', CAMERA.cx, '--cy', CAMERA.cy)
+    mask, camera = _detect_with(files, *numbers, '--baseline', CAMERA.baseline_m)
+    assert camera == pytest.approx(asdict(CAMERA))
+    assert np.array_equal(mask, Detector(CAMERA).detect(*stereo_images()).mask)
+
+
+def _kitti(folder):
+    c = CAMERA
+    lines = [
+        f'P{side}: {c.fx} 0 {c.cx} {-side * c.fx * c.baseline_m} 0 {c.fy} {c.cy} 0 0 0 1 0\n'
+        for side in (0, 1)
+    ]
+    (folder / 'calib.txt').write_text(''.join(lines))
+    return folder / 'calib.txt'
+
+
+def test_a_file_of_another_tool_is_as_good_as_two_of_ros(files):
+    mask, camera = _detect_with(files, '--calibration', _kitti(files))
+    assert camera == pytest.approx(asdict(CAMERA))
+    assert np.array_equal(mask, Detector(CAMERA).detect(*stereo_images()).mask)
+
+
+def test_raw_images_are_rectified_with_a_file_of_opencv(files, capsys):
+    size, distortion = (CAMERA.width, CAMERA.height), np.array([-0.1, 0.02, 0, 0, 0])
+    k = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]])
+    r, t = cv2.Rodrigues(np.array([0, 0.004, 0]))[0], np.array([[-CAMERA.baseline_m], [0], [0]])
+    storage = cv2.FileStorage(str(files / 'stereo.yml'), cv2.FILE_STORAGE_WRITE)
+    for name, value in zip(
+        ('K1', 'D1', 'K2', 'D2', 'R', 'T'), (k, distortion, k, distortion, r, t), strict=True
+    ):
+        storage.write(name, value)
+    storage.release()
+    calibration = ('--calibration', files / 'stereo.yml')
+    mask, camera = _detect_with(files, *calibration, '--raw')
+    capsys.readouterr()
+    _detect_with(files, *calibration, '--force')
+    assert re.search(r'WARNING: .*distortion.*stereo\.yml.*--raw', capsys.readouterr().err)
+
+    found = cv2.stereoRectify(
+        k, distortion, k, distortion, size, r, t, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0
+    )
+    for side, rotation, projection in zip(('left', 'right'), found[:2], found[2:4], strict=True):
+        text = (files / f'{side}.yaml').read_text()
+        for name, value in (
+            ('distortion_coefficients', distortion),
+            ('rectification_matrix', rotation),
+            ('projection_matrix', projection),
+        ):
+            text = re.sub(rf'({name}: .*data: )\[.*?\]', rf'\1{np.ravel(value).tolist()}', text)
+        (files / f'{side}.yaml').write_text(text)
+    assert _detect(files, '--raw', '--force') == 0
+    expected = json.loads((files / 'out' / 'summary.json').read_text())['camera']
+    assert camera == pytest.approx(expected)
+    same = cv2.imread(str(files / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    assert mask.any()
+    assert np.array_equal(mask, same)
+
+
+def test_both_views_may_be_side_by_side(files, capsys):
+    cv2.imwrite(str(files / 'both.png'), np.hstack(stereo_images()))
+    arguments = ['detect', str(files / 'both.png'), '--side-by-side', '-o', str(files / 'out')]
+    arguments += ['--calibration', str(_kitti(files))]
+    assert main(arguments) == 0
+    mask = cv2.imread(str(files / 'out' / 'mask.png'), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(mask, Detector(CAMERA).detect(*stereo_images()).mask)
+    cv2.imwrite(str(files / 'both.png'), stereo_images()[0][:, 1:])
+    capsys.readouterr()
+    assert main([*arguments, '--force']) == 1
+    assert f'both.png: width is {CAMERA.width - 1}: expected an even' in capsys.readouterr().err
+
+
+def test_numbers_replace_those_of_files(files):
+    infos = ('--left-info', files / 'left.yaml', '--right-info', files / 'right.yaml')
+    _, camera = _detect_with(files, *infos, '--baseline', 0.13)
+    assert camera == pytest.approx({**asdict(CAMERA), 'baseline_m': 0.13})
 
 
 def test_existing_output_needs_force(files, capsys):
@@ -167,7 +253,7 @@ def _negative_baseline(folder):
         (_smaller, r'right\.png.*320 x 200|right\.png.*200'),
         (_swap, r'left\.png, .*right\.png: .*are left and right swapped'),
         (_remove('right.yaml'), r'right\.yaml: no such calibration file'),
-        (_write('left.yaml', b'nonsense'), r'left\.yaml: is not a ROS camera calibration'),
+        (_write('left.yaml', b'nonsense'), r'left\.yaml: is not a calibration: expected a ROS'),
         (_negative_baseline, r'right\.yaml.*baseline is -'),
     ],
 )

@@ -21,10 +21,16 @@ from hand_made import (
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.messages.cloud import decode_cloud
-from rover_obstacle_detection.messages.image import decode_compressed_image, decode_image
+from rover_obstacle_detection.messages.header import make_header
+from rover_obstacle_detection.messages.image import (
+    decode_compressed_image,
+    decode_image,
+    encode_image,
+)
 from rover_obstacle_detection.offline import replay
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES
 from rover_obstacle_detection.pictures import overlay_picture
@@ -327,6 +333,51 @@ def test_topics_and_calibration_files_can_be_given(tmp_path):
     arguments += ['--left-info', str(left), '--right-info', str(right)]
     assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *arguments]) == 0
     assert _summary(tmp_path / 'out')['counts']['detected'] == 1
+
+
+def test_numbers_calibrate_a_recording_without_camera_info(tmp_path, bag, replayed, capsys):
+    bare = write_stereo_bag(tmp_path / 'bare', pairs=1, infos=False)
+    arguments = ['replay', str(bare), '-o', str(tmp_path / 'out')]
+    assert main([*arguments, '--fx', str(CAMERA.fx)]) == 1
+    error = capsys.readouterr().err
+    assert f'{bare}: the calibration lacks baseline: expected' in error
+    assert 'no camera_info topic' in error
+    numbers = [f'--{each}={getattr(CAMERA, each)}' for each in ('fx', 'fy', 'cx', 'cy')]
+    assert main([*arguments, *numbers, f'--baseline={CAMERA.baseline_m}']) == 0
+    same, as_before = _summary(tmp_path / 'out'), _summary(replayed[1])
+    assert same['cameras'] == [pytest.approx(as_before['cameras'][0])]
+    assert same['frames'][0]['obstacle_share'] == as_before['frames'][0]['obstacle_share']
+
+
+def test_both_views_may_be_side_by_side(tmp_path, replayed, capsys):
+    path = tmp_path / 'wide'
+    with BagWriter(path) as bag:
+        for stamp_ns in (FIRST_STAMP_NS, FIRST_STAMP_NS + PERIOD_NS):
+            header = make_header(stamp_ns, 'camera', bag.factory)
+            message = encode_image(np.hstack(stereo_images()), 'mono8', header, bag.factory)
+            bag.add('/zed/image_rect', 'sensor_msgs/msg/Image', message, stamp_ns)
+    arguments = ['replay', str(path), '-o', str(tmp_path / 'out'), '--side-by-side']
+    assert main([*arguments, '--left-topic', '/zed/none']) == 1
+    assert 'no topic /zed/none' in capsys.readouterr().err
+    arguments += ['--left-topic', '/zed/image_rect', '--approximate-sync', '0.01']
+    assert main(arguments) == 1
+    assert 'no calibration for /zed/image_rect' in capsys.readouterr().err
+    numbers = [f'--{each}={getattr(CAMERA, each)}' for each in ('fx', 'fy', 'cx', 'cy')]
+    assert main([*arguments, *numbers, f'--baseline={CAMERA.baseline_m}']) == 0
+    same, as_before = _summary(tmp_path / 'out'), _summary(replayed[1])
+    assert same['cameras'] == [pytest.approx(as_before['cameras'][0])]
+    shares = [frame['obstacle_share'] for frame in same['frames']]
+    assert shares == [as_before['frames'][0]['obstacle_share']] * 2
+    assert {topic for topic, *_ in _detections(tmp_path / 'out')} == {
+        f'/zed/{name}' for name in ('obstacle_mask', 'obstacle_points', 'ground_points')
+    }
+
+
+def test_a_number_replaces_that_of_the_recording(tmp_path, bag):
+    arguments = ['--duration', '0.05', '--baseline', '0.13']
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *arguments]) == 0
+    (camera,) = _summary(tmp_path / 'out')['cameras']
+    assert (camera['fx'], camera['baseline_m']) == pytest.approx((CAMERA.fx, 0.13))
 
 
 def test_existing_output_needs_force(bag, tmp_path, capsys):

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rover_obstacle_detection.bags.reader import BagReader
+from rover_obstacle_detection.bags.requested_calibration import requested_calibration
 from rover_obstacle_detection.bags.topics import StereoTopics
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import (
     BagError,
@@ -51,9 +53,10 @@ def find_calibration(
     bag: BagReader,
     topics: StereoTopics,
     infos: Mapping[str, InfoStream],
-    given: StereoCalibration | None,
+    request: CalibrationRequest,
 ) -> Calibration:
     """Use the given calibration, or the first camera_info of each side."""
+    given = requested_calibration(request, bag, topics)
     left, right = (infos.get(name or '') for name in (topics.left_info, topics.right_info))
     try:
         stereo = given or bag.calibration(topics)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, bag_name, open_bag
 from rover_obstacle_detection.bags.topics import StereoTopics, stereo_cameras
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.errors import BagError
-from rover_obstacle_detection.messages.calibration import load_stereo_calibration
 from rover_obstacle_detection.offline.inspection.calibration import (
     Calibration,
     find_calibration,
@@ -42,13 +42,13 @@ class InspectionOptions:
     ----------
     left_topic, right_topic : str, optional
         Image topics; every stereo camera that is found by name if both are omitted.
-    calibration : tuple of two Path, optional
-        Calibration files of the left and the right camera; from the bag if omitted.
+    calibration : CalibrationRequest
+        From the bag if nothing is given.
     """
 
     left_topic: str | None = None
     right_topic: str | None = None
-    calibration: tuple[Path, Path] | None = None
+    calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,6 @@ def inspect_bag(path: Path, options: InspectionOptions) -> BagInspection:
     ObstacleDetectionError
         If it cannot be opened, or a given topic or calibration file cannot be used.
     """
-    calibration = load_stereo_calibration(*options.calibration) if options.calibration else None
     with open_bag(path) as bag:
         cameras, missing = _topics(bag, options)
         images = {name for each in cameras for name in (each.left_image, each.right_image)}
@@ -137,7 +136,7 @@ def inspect_bag(path: Path, options: InspectionOptions) -> BagInspection:
                 bag,
                 topics,
                 streams,
-                find_calibration(bag, topics, info_streams, calibration),
+                find_calibration(bag, topics, info_streams, options.calibration),
                 options,
                 is_only=len(cameras) == 1,
             )
@@ -162,9 +161,9 @@ def inspect_bag(path: Path, options: InspectionOptions) -> BagInspection:
 def _topics(
     bag: BagReader, options: InspectionOptions
 ) -> tuple[list[StereoTopics], tuple[str, ...]]:
-    given = {'left_image': options.left_topic, 'right_image': options.right_topic}
-    if any(given.values()):
-        return [bag.stereo_topics(**given)], ()
+    left, right = options.left_topic, options.right_topic
+    if left or right:
+        return [bag.stereo_topics(left_image=left, right_image=right)], ()
     cameras = stereo_cameras(bag.topics)
     if cameras:
         return cameras, ()
@@ -196,9 +195,8 @@ def _inspect_camera(
     arguments = []
     if options.left_topic or options.right_topic or not is_only:
         arguments += ['--left-topic', topics.left_image, '--right-topic', topics.right_image]
-    if options.calibration:
-        left_info, right_info = map(str, options.calibration)
-        arguments += ['--left-info', left_info, '--right-info', right_info]
+    if options.calibration.is_given:
+        arguments += options.calibration.arguments()
     elif calibration.problem:
         arguments += ['--left-info', 'LEFT.yaml', '--right-info', 'RIGHT.yaml']
     if synchronisation.approximate_sync_s:

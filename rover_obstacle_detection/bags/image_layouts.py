@@ -1,0 +1,209 @@
+"""Recognise folders of stereo images and the stamps of their images."""
+
+from __future__ import annotations
+
+import csv
+import logging
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from functools import partial
+from pathlib import Path
+
+from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.messages.header import NANOSECONDS_PER_SECOND
+
+_logger = logging.getLogger(__name__)
+
+LAYOUTS = (
+    'EuRoC (mav0/cam0/data, mav0/cam1/data), KITTI (image_00/data, image_01/data or image_0, '
+    'image_1) or left and right'
+)
+
+_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.pgm', '.ppm', '.bmp', '.tif', '.tiff'})
+_PERIOD_NS = NANOSECONDS_PER_SECOND // 10
+_SECONDS = re.compile(r'\d{1,10}\.\d{1,9}')
+# Names of fewer digits are frame numbers.
+_UNIX_SECONDS, _NANOSECONDS = range(10**9, 10**10), range(10**17, 2**63)
+_KITTI_CALIBRATIONS = ('calib.txt', 'calib_cam_to_cam.txt', '../calib_cam_to_cam.txt')
+
+
+Stamps = Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """The images of one stereo camera.
+
+    Parameters
+    ----------
+    name : str
+        End of the topics' namespaces; empty for the only or the first camera.
+    folders : tuple of Path
+        Left and right folder.
+    stamps_ns : tuple of mapping of str to int
+        Stamp of each file name, left and right.
+    rectified : bool
+    calibration : tuple of Path
+        Calibration files found beside; may be empty.
+    """
+
+    name: str
+    folders: tuple[Path, Path]
+    stamps_ns: tuple[Stamps, Stamps]
+    rectified: bool
+    calibration: tuple[Path, ...] = field(default=())
+
+
+def find_cameras(path: Path) -> list[Camera]:
+    """Find the stereo cameras of a folder; an empty list if it has no known layout.
+
+    Raises
+    ------
+    BagError
+        If a file of stamps cannot be read.
+    """
+    for layout in (_euroc, _kitti, _plain):
+        if cameras := layout(path):
+            return cameras
+    return []
+
+
+def _euroc(path: Path) -> list[Camera]:
+    root = path / 'mav0' if (path / 'mav0').is_dir() else path
+    left, right = root / 'cam0', root / 'cam1'
+    folders = left / 'data', right / 'data'
+    if not _are_folders(folders):
+        return []
+    stamps = _listed(left), _listed(right)
+    sensors = left / 'sensor.yaml', right / 'sensor.yaml'
+    has_calibration = all(each.exists() for each in sensors)
+    return [Camera('', folders, stamps, False, sensors if has_calibration else ())]
+
+
+def _listed(camera: Path) -> Stamps:
+    """Read the stamps of ``data.csv``; those of the names if there is none."""
+    table, names = camera / 'data.csv', _images(camera / 'data')
+    if not table.exists():
+        return _named_stamps(camera / 'data', names)
+    rows = [row for row in csv.reader(_lines(table)) if row and not row[0].startswith('#')]
+    try:
+        stamps = {row[1].strip(): int(row[0]) for row in rows}
+    except (ValueError, IndexError):
+        raise BagError(f'{table}: expected lines of a stamp in ns and a file name') from None
+    lacking = [name for name in names if name not in stamps]
+    if lacking:
+        raise BagError(f'{table}: has no stamp for {lacking[0]} and {len(lacking) - 1} others')
+    return stamps
+
+
+def _kitti(path: Path) -> list[Camera]:
+    cameras = []
+    for name, numbers in (('', (0, 1)), ('color', (2, 3))):
+        for form, below, table in (
+            ('image_{}', '', 'times.txt'),
+            ('image_0{}', 'data', 'image_0{}/timestamps.txt'),
+        ):
+            left, right = (path / form.format(each) / below for each in numbers)
+            if not _are_folders((left, right)):
+                continue
+            times = path / table.format(numbers[0])
+            files = (path / each for each in _KITTI_CALIBRATIONS)
+            calibration = tuple(each for each in files if each.exists())[:1]
+            stamps = _shared((left, right), partial(_timed, times))
+            cameras.append(Camera(name, (left, right), stamps, True, calibration))
+    return cameras
+
+
+def _timed(table: Path, names: list[str]) -> Stamps:
+    """Read a file with the time of each frame; the names number the frames."""
+    if not table.exists():
+        return _regular_stamps(table.parent, names)
+    times = [_time_ns(line, table) for line in _lines(table) if line.strip()]
+    # A stamp of 0 means none in ROS.
+    shift = NANOSECONDS_PER_SECOND if times and min(times) <= 0 else 0
+    stamps = {}
+    for name in names:
+        number = Path(name).stem
+        if not number.isdecimal() or int(number) >= len(times):
+            raise BagError(f'{table}: has {len(times)} times: expected one for {name}')
+        stamps[name] = times[int(number)] + shift
+    return stamps
+
+
+def _time_ns(line: str, table: Path) -> int:
+    try:
+        if ':' not in line:
+            return round(float(line) * NANOSECONDS_PER_SECOND)
+        whole, _, fraction = line.strip().partition('.')
+        second = datetime.strptime(whole, '%Y-%m-%d %H:%M:%S').replace(tzinfo=timezone.utc)
+        return int(second.timestamp()) * NANOSECONDS_PER_SECOND + int(f'{fraction:0<9}'[:9])
+    except (ValueError, OverflowError):
+        raise BagError(
+            f'{table}: {line.strip()[:40]!r}: expected seconds or a date and time'
+        ) from None
+
+
+def _plain(path: Path) -> list[Camera]:
+    for names in (('left', 'right'), ('Left', 'Right')):
+        folders = path / names[0], path / names[1]
+        if _are_folders(folders):
+            stamps = _shared(folders, partial(_named_stamps, path))
+            return [Camera('', folders, stamps, False)]
+    return []
+
+
+def _shared(
+    folders: tuple[Path, Path], stamps_of: Callable[[list[str]], Stamps]
+) -> tuple[Stamps, Stamps]:
+    """Stamps of both sides, where equal names are of one moment."""
+    left, right = (_images(each) for each in folders)
+    stamps = stamps_of(sorted({*left, *right}))
+    return {name: stamps[name] for name in left}, {name: stamps[name] for name in right}
+
+
+def _named_stamps(path: Path, names: list[str]) -> Stamps:
+    stamps = {name: _name_ns(Path(name).stem) for name in names}
+    known = {name: stamp for name, stamp in stamps.items() if stamp is not None}
+    return known if len(known) == len(names) else _regular_stamps(path, names)
+
+
+def _name_ns(stem: str) -> int | None:
+    if _SECONDS.fullmatch(stem):
+        seconds, _, fraction = stem.partition('.')
+        return int(seconds) * NANOSECONDS_PER_SECOND + int(f'{fraction:0<9}')
+    value = int(stem) if stem.isdecimal() and len(stem) < 20 else 0
+    if value in _UNIX_SECONDS:
+        return value * NANOSECONDS_PER_SECOND
+    return value if value in _NANOSECONDS else None
+
+
+def _regular_stamps(path: Path, names: list[str]) -> Stamps:
+    if names:
+        _logger.warning(
+            '%s: the names of the images are no stamps (such as %s): taken as 10 images per '
+            'second, from 1 s',
+            path,
+            names[0],
+        )
+    return {name: NANOSECONDS_PER_SECOND + index * _PERIOD_NS for index, name in enumerate(names)}
+
+
+def _are_folders(folders: tuple[Path, Path]) -> bool:
+    return all(each.is_dir() for each in folders)
+
+
+def _images(folder: Path) -> list[str]:
+    try:
+        return sorted(each.name for each in folder.iterdir() if each.suffix.lower() in _SUFFIXES)
+    except OSError as error:
+        raise BagError(f'{folder}: cannot be read: {error.strerror}') from None
+
+
+def _lines(table: Path) -> list[str]:
+    try:
+        return table.read_text(encoding='utf-8').splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'expected UTF-8 text'
+        raise BagError(f'{table}: cannot be read: {reason}') from None

@@ -1,0 +1,48 @@
+"""The calibration that a user gives for a recording."""
+
+from __future__ import annotations
+
+from rover_obstacle_detection.bags.reader import BadMessage, BagReader
+from rover_obstacle_detection.bags.topics import StereoTopics
+from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
+from rover_obstacle_detection.calibration_files.request import CalibrationRequest
+from rover_obstacle_detection.errors import BagError, CameraError
+from rover_obstacle_detection.messages.calibration import StereoCalibration
+from rover_obstacle_detection.messages.image import image_size
+
+
+def requested_calibration(
+    request: CalibrationRequest, bag: BagReader, topics: StereoTopics
+) -> StereoCalibration | None:
+    """Return the calibration that a user gives for a recording; None if nothing is given.
+
+    Numbers that are no complete camera replace values of the recording's first camera_info.
+
+    Raises
+    ------
+    CameraError
+        If something is missing, cannot be read or forms no stereo camera.
+    BagError
+        If the recording cannot be read, or if the size of its images is needed and it has none.
+    """
+
+    def size() -> Size:
+        width, height = _first_size(bag, topics.left_image)
+        return width // (2 if topics.is_side_by_side else 1), height
+
+    def recorded() -> tuple[Cameras, str]:
+        try:
+            return bag.camera_infos(topics), f'{topics.left_info} and {topics.right_info}'
+        except BagError as error:
+            raise CameraError(f'{bag.path}: {request.lack}; {error}') from None
+
+    if not request.is_given:
+        return None
+    return request.calibration(size, f'{bag.path} {topics.left_image}', recorded)
+
+
+def _first_size(bag: BagReader, topic: str) -> Size:
+    for _, _, message in bag.messages([topic]):
+        if not isinstance(message, BadMessage) and (size := image_size(message)):
+            return size
+    raise BagError(f'{bag.path}: {topic} has no image that can be decoded')

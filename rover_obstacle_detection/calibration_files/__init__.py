@@ -1,0 +1,1 @@
+"""Stereo calibrations from numbers and from the files of other tools."""

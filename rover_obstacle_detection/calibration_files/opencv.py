@@ -1,0 +1,129 @@
+"""Calibrations that ``cv2.FileStorage`` has written, as YAML or XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+
+from rover_obstacle_detection.calibration_files import values
+from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
+from rover_obstacle_detection.calibration_files.stereo_rectify import (
+    FISHEYE,
+    PINHOLE,
+    Lens,
+    rectified,
+)
+from rover_obstacle_detection.errors import CameraError
+from rover_obstacle_detection.messages.calibration import CameraInfo
+
+# The names in OpenCV's documentation and samples, and those of widespread scripts.
+_NAMES = {
+    f'{name}{number}': tuple(f'{each}{number}' for each in (name, *others))
+    for number in (1, 2)
+    for name, others in (
+        ('K', ('M', 'cameraMatrix', 'camera_matrix_', 'CM')),
+        ('D', ('distCoeffs', 'dist_coeffs_', 'dist')),
+        ('R', ()),
+        ('P', ()),
+    )
+} | {'R': ('R',), 'T': ('T',)}
+_SIZES = ('image_size', 'imageSize', 'img_size', 'size')
+_COEFFICIENTS = (4, 5, 8, 12, 14)
+_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def read_storage(text: str) -> Mapping[str, Any]:
+    """Read the matrices and numbers of a file's text; see `stereo_storage`.
+
+    Raises
+    ------
+    CameraError
+        If OpenCV cannot parse it.
+    """
+    try:
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        names = [*(each for names in _NAMES.values() for each in names), *_SIZES]
+        names += ['image_width', 'image_height', 'distortion_model']
+        return {
+            name: value for name in names if (value := _value(storage.getNode(name))) is not None
+        }
+    except (cv2.error, SystemError) as error:
+        problem = ' '.join(str(getattr(error, 'err', error)).split())
+        raise CameraError(f'is not a file of cv2.FileStorage: {problem}') from None
+
+
+def stereo_storage(content: Mapping[str, Any], size: Callable[[], Size]) -> Cameras:
+    """Make the cameras of a calibration with ``cv2.stereoCalibrate``.
+
+    With R1, R2, P1 and P2, of ``cv2.stereoRectify``, these are used. Without, they are computed
+    from K1, D1, K2, D2, R and T. With P1 and P2 only, the images are rectified.
+
+    Parameters
+    ----------
+    content : mapping
+        See `read_storage`.
+    size : callable
+        Returns the size of the images, which the file does not need to have.
+
+    Raises
+    ------
+    CameraError
+        Naming the missing or invalid key.
+    """
+    found = {
+        name: name_in_file
+        for name, names in _NAMES.items()
+        for name_in_file in reversed(names)
+        if name_in_file in content
+    }
+    lacking = [name for name in ('K1', 'K2', 'R', 'T') if name not in found]
+    has_projection = 'P1' in found and 'P2' in found
+    if lacking and not has_projection:
+        raise CameraError(
+            f'lacks {", ".join(lacking)}: expected K1 (or M1), D1, K2 (or M2), D2, R and '
+            'T, or P1 and P2'
+        )
+
+    def get(name: str, *counts: int) -> tuple[float, ...]:
+        return values.numbers(content, found.get(name, name), counts)
+
+    shape = _size(content) or size()
+    is_fisheye = content.get('distortion_model') in ('equidistant', 'fisheye')
+    lenses = []
+    for number in '12':
+        k = get(f'K{number}', 9) if f'K{number}' in found else _left_three(get(f'P{number}', 12))
+        d = get(f'D{number}', *_COEFFICIENTS) if f'D{number}' in found else ()
+        lenses.append(Lens(shape, k, d, FISHEYE if is_fisheye else PINHOLE))
+    if not has_projection:
+        return rectified(lenses[0], lenses[1], get('R', 9), get('T', 3))
+    cameras: list[CameraInfo] = []
+    for number, lens in zip('12', lenses, strict=True):
+        r = get(f'R{number}', 9) if f'R{number}' in found else _IDENTITY
+        cameras.append(lens.with_rectification(r, get(f'P{number}', 12)))
+    return cameras[0], cameras[1]
+
+
+def _left_three(projection: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(value for index, value in enumerate(projection) if index % 4 < 3)
+
+
+def _size(content: Mapping[str, Any]) -> Size | None:
+    if 'image_width' in content and 'image_height' in content:
+        (width,) = values.numbers(content, 'image_width', (1,))
+        (height,) = values.numbers(content, 'image_height', (1,))
+        return int(width), int(height)
+    return next((values.size(content, each) for each in _SIZES if each in content), None)
+
+
+def _value(node: Any) -> Any:
+    if node.isMap():
+        matrix = node.mat()
+        return None if matrix is None else [float(each) for each in np.ravel(matrix)]
+    if node.isSeq():
+        return [_value(node.at(index)) for index in range(node.size())]
+    if node.isString():
+        return node.string()
+    return node.real() if node.isInt() or node.isReal() else None
