@@ -368,9 +368,8 @@ def test_both_views_may_be_side_by_side(tmp_path, replayed, capsys):
     assert same['cameras'] == [pytest.approx(as_before['cameras'][0])]
     shares = [frame['obstacle_share'] for frame in same['frames']]
     assert shares == [as_before['frames'][0]['obstacle_share']] * 2
-    assert {topic for topic, *_ in _detections(tmp_path / 'out')} == {
-        f'/zed/{name}' for name in ('obstacle_mask', 'obstacle_points', 'ground_points')
-    }
+    topics = {topic for topic, *_ in _detections(tmp_path / 'out')}
+    assert topics == {topic.replace('/cam/', '/zed/') for topic in TYPES}
 
 
 def test_a_number_replaces_that_of_the_recording(tmp_path, bag):
