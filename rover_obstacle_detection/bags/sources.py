@@ -38,6 +38,10 @@ class RosbagsSource:
     def __init__(self, path: Path, stack: ExitStack) -> None:
         self._standard = ros1_typestore() if path.suffix == '.bag' else ros2_typestore()
         self._reader = stack.enter_context(AnyReader([path], default_typestore=self._standard))
+        for each in self._reader.connections:
+            # A damaged database can have anything in the columns of the topics.
+            if not (isinstance(each.topic, str) and isinstance(each.msgtype, str)):
+                raise ValueError(f'topic {each.topic!r} of type {each.msgtype!r}: expected names')
         self._migrations: dict[str, object] = {}
         self.note = ''
         self.topics: Mapping[str, str] = {
