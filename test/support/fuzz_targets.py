@@ -15,11 +15,13 @@ from recordings import ROS1, ROS2, stereo_messages, write_mcap, write_ros1, writ
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import read_pairs
+from rover_obstacle_detection.calibration_files.load import load_cameras
 from rover_obstacle_detection.cli.main import make_parser
 from rover_obstacle_detection.errors import ObstacleDetectionError
-from rover_obstacle_detection.messages.calibration import load_camera_info
+from rover_obstacle_detection.messages.calibration import StereoCalibration, load_camera_info
 from rover_obstacle_detection.messages.encodings import IMAGE_ENCODINGS
 from rover_obstacle_detection.messages.image import decode_camera_image, decode_compressed_image
+from rover_obstacle_detection.messages.rectification import StereoRectification
 from rover_obstacle_detection.parameter_file import load_config
 from rover_obstacle_detection.rover_mask import RoverMask
 
@@ -80,6 +82,16 @@ def calibration(data: bytes) -> None:
     _file(data, '.yaml', load_camera_info)
 
 
+def cameras(data: bytes) -> None:
+    """Read the calibration of both cameras, in any of the formats."""
+
+    def read(path: Path) -> None:
+        left, right = load_cameras((path,), lambda: (640, 480), colour=False)
+        StereoRectification(StereoCalibration(left, right, path.name))
+
+    _file(data, '.yaml', read)
+
+
 def parameters(data: bytes) -> None:
     _file(data, '.yaml', load_config)
 
@@ -107,6 +119,7 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     'sqlite3': _bag('.db3'),
     'rosbag1': _bag('.bag'),
     'calibration': calibration,
+    'cameras': cameras,
     'parameters': parameters,
     'polygon': polygon,
     'arguments': arguments,
@@ -148,6 +161,7 @@ def seeds(target: str, folder: Path) -> list[bytes]:
             write_ros1(folder / 'one.bag', stereo_messages(2, factory=ROS1)).read_bytes()
         ],
         'calibration': lambda: [CALIBRATION.encode()],
+        'cameras': lambda: [KALIBR.encode(), KITTI.encode(), OPENCV.encode()],
         'parameters': lambda: [config.read_bytes()[:3000]],
         'polygon': lambda: [b'[[0, 1], [2.5, 3], [4, 5]]'],
         'arguments': lambda: [
@@ -166,6 +180,46 @@ distortion_model: plumb_bob
 distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0.0, 0.0, 0.0, 0.0]}
 rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}
 projection_matrix: {rows: 3, cols: 4, data: [400, 0, 310, 0, 0, 400, 230, 0, 0, 0, 1, 0]}
+"""
+
+KALIBR = """\
+cam0:
+  camera_model: pinhole
+  distortion_coeffs: [-0.1, 0.02, 0.001, 0]
+  distortion_model: radtan
+  intrinsics: [500.0, 501.0, 320.0, 240.0]
+  resolution: [640, 480]
+cam1:
+  T_cn_cnm1:
+  - [1, 0, 0, -0.2]
+  - [0, 1, 0, 0]
+  - [0, 0, 1, 0]
+  - [0, 0, 0, 1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.12, 0.03, 0, 0.001]
+  distortion_model: radtan
+  intrinsics: [505.0, 506.0, 322.0, 238.0]
+  resolution: [640, 480]
+"""
+
+KITTI = """\
+P0: 7.070912e+02 0 3.018873e+02 0 0 7.070912e+02 1.831104e+02 0 0 0 1 0
+P1: 7.070912e+02 0 3.018873e+02 -3.798145e+02 0 7.070912e+02 1.831104e+02 0 0 0 1 0
+"""
+
+OPENCV = """\
+%YAML:1.0
+---
+P1: !!opencv-matrix
+   rows: 3
+   cols: 4
+   dt: d
+   data: [ 500., 0., 320., 0., 0., 500., 240., 0., 0., 0., 1., 0. ]
+P2: !!opencv-matrix
+   rows: 3
+   cols: 4
+   dt: d
+   data: [ 500., 0., 320., -60., 0., 500., 240., 0., 0., 0., 1., 0. ]
 """
 
 
