@@ -40,7 +40,23 @@ def read_yaml(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -
     if len(data) > MAX_BYTES:
         raise error_type(f'{path}: has more than {MAX_BYTES} bytes: expected a {kind}')
     try:
-        text = data.decode()
+        return parse_yaml(data.decode())
+    except UnicodeDecodeError:
+        problem = 'expected UTF-8 text'
+    except ValueError as error:
+        problem = str(error)
+    raise error_type(f'{path}: is not valid YAML: {problem}')
+
+
+def parse_yaml(text: str) -> object:
+    """Parse YAML as `read_yaml` does.
+
+    Raises
+    ------
+    ValueError
+        On one line, with the number of the line that is wrong where it is known.
+    """
+    try:
         _check_structure(text)
         content = YAML(typ='safe').load(text)
         _check_integers(content)
@@ -48,8 +64,6 @@ def read_yaml(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -
         problem = _line(error.problem)
         if error.problem_mark:
             problem += f' on line {error.problem_mark.line + 1}'
-    except UnicodeDecodeError:
-        problem = 'expected UTF-8 text'
     except YAMLError as error:
         problem = _line(error)
     except Exception as error:
@@ -57,7 +71,7 @@ def read_yaml(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -
         problem = _line(error) or type(error).__name__
     else:
         return content
-    raise error_type(f'{path}: is not valid YAML: {problem}')
+    raise ValueError(problem)
 
 
 def _check_structure(text: str) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
-
-import cv2
-import numpy as np
+from xml.etree import ElementTree
 
 from rover_obstacle_detection.calibration_files import values
 from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
@@ -18,6 +17,7 @@ from rover_obstacle_detection.calibration_files.stereo_rectify import (
 )
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo
+from rover_obstacle_detection.yaml_file import parse_yaml
 
 # The names in OpenCV's documentation and samples, and those of widespread scripts.
 _NAMES = {
@@ -38,21 +38,18 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 def read_storage(text: str) -> Mapping[str, Any]:
     """Read the matrices and numbers of a file's text; see `stereo_storage`.
 
+    ``cv2.FileStorage`` itself is not used: damaged files make it overwrite memory.
+
     Raises
     ------
     CameraError
-        If OpenCV cannot parse it.
+        If it is neither YAML nor XML as `FileStorage` writes it.
     """
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        names = [*(each for names in _NAMES.values() for each in names), *_SIZES]
-        names += ['image_width', 'image_height', 'distortion_model']
-        return {
-            name: value for name in names if (value := _value(storage.getNode(name))) is not None
-        }
-    except (cv2.error, SystemError) as error:
-        problem = ' '.join(str(getattr(error, 'err', error)).split())
-        raise CameraError(f'is not a file of cv2.FileStorage: {problem}') from None
+        content = _xml(text) if text.lstrip('\ufeff \t\r\n').startswith('<') else _yaml(text)
+    except (ValueError, ElementTree.ParseError) as error:
+        raise CameraError(f'is not a file of cv2.FileStorage: {error}') from None
+    return {str(name): _value(value) for name, value in content.items()}
 
 
 def stereo_storage(content: Mapping[str, Any], size: Callable[[], Size]) -> Cameras:
@@ -118,12 +115,27 @@ def _size(content: Mapping[str, Any]) -> Size | None:
     return next((values.size(content, each) for each in _SIZES if each in content), None)
 
 
-def _value(node: Any) -> Any:
-    if node.isMap():
-        matrix = node.mat()
-        return None if matrix is None else [float(each) for each in np.ravel(matrix)]
-    if node.isSeq():
-        return [_value(node.at(index)) for index in range(node.size())]
-    if node.isString():
-        return node.string()
-    return node.real() if node.isInt() or node.isReal() else None
+def _yaml(text: str) -> Mapping[Any, Any]:
+    # YAML 1.2 has neither this header nor these tags.
+    content = parse_yaml(re.sub(r'^\ufeff?%YAML:.*|!!opencv-[a-z-]+', '', text))
+    if not isinstance(content, Mapping):
+        raise ValueError('expected name: value')
+    return content
+
+
+def _xml(text: str) -> Mapping[str, Any]:
+    if '<!' in text:
+        raise ValueError('expected no declarations')
+    return {
+        node.tag: {each.tag: each.text for each in node} if len(node) else node.text
+        for node in ElementTree.fromstring(text)
+    }
+
+
+def _value(value: Any) -> Any:
+    """Return a matrix or a list of numbers as a flat list, anything else as it is."""
+    if isinstance(value, Mapping):
+        value = value.get('data')
+    if isinstance(value, str) and len(value.split()) > 1:
+        value = value.split()
+    return value
