@@ -126,7 +126,7 @@ class ImageFolders:
     def _size(self, camera: Camera) -> tuple[int, int]:
         for name in camera.stamps_ns[0]:
             path = camera.folders[0] / name
-            if not path.exists():
+            if not path.is_file():
                 continue
             message = self._factory.make(COMPRESSED_TYPE, data=np.fromfile(path, np.uint8))
             if size := image_size(message):

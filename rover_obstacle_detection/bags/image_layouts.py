@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import logging
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from functools import partial
@@ -23,6 +23,7 @@ LAYOUTS = (
 
 _SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.pgm', '.ppm', '.bmp', '.tif', '.tiff'})
 _PERIOD_NS = NANOSECONDS_PER_SECOND // 10
+_SIDE = re.compile(r'left|right', re.IGNORECASE)
 _SECONDS = re.compile(r'\d{1,10}\.\d{1,9}')
 # Names of fewer digits are frame numbers.
 _UNIX_SECONDS, _NANOSECONDS = range(10**9, 10**10), range(10**17, 2**63)
@@ -121,8 +122,7 @@ def _timed(table: Path, names: list[str]) -> Stamps:
     if not table.exists():
         return _regular_stamps(table.parent, names)
     times = [_time_ns(line, table) for line in _lines(table) if line.strip()]
-    # A stamp of 0 means none in ROS.
-    shift = NANOSECONDS_PER_SECOND if times and min(times) <= 0 else 0
+    shift = _shift_ns(times)
     stamps = {}
     for name in names:
         number = Path(name).stem
@@ -158,15 +158,41 @@ def _shared(
     folders: tuple[Path, Path], stamps_of: Callable[[list[str]], Stamps]
 ) -> tuple[Stamps, Stamps]:
     """Stamps of both sides, where equal names are of one moment."""
-    left, right = (_images(each) for each in folders)
-    stamps = stamps_of(sorted({*left, *right}))
-    return {name: stamps[name] for name in left}, {name: stamps[name] for name in right}
+    left, right = (dict(zip(names, names, strict=True)) for names in map(_images, folders))
+    if left and right and not left.keys() & right.keys():
+        # Such as left_0001.png and right_0001.png.
+        left, right = ({name: _SIDE.sub('', name) for name in side} for side in (left, right))
+        if not {*left.values()} & {*right.values()}:
+            raise BagError(
+                f'{folders[0]} and {folders[1]}: no image is on both sides, as by '
+                f'{next(iter(left))} and {next(iter(right))}: expected equal names, apart from '
+                'left and right'
+            )
+    stamps = stamps_of(sorted({*left.values(), *right.values()}, key=_natural))
+    return (
+        {name: stamps[moment] for name, moment in left.items()},
+        {name: stamps[moment] for name, moment in right.items()},
+    )
+
+
+def _natural(name: str) -> list[tuple[int, int | str]]:
+    """Sort key by which 2.png comes before 10.png."""
+    parts = re.split(r'(\d+)', name)
+    return [(0, int(part)) if part.isdecimal() else (1, part) for part in parts]
 
 
 def _named_stamps(path: Path, names: list[str]) -> Stamps:
     stamps = {name: _name_ns(Path(name).stem) for name in names}
     known = {name: stamp for name, stamp in stamps.items() if stamp is not None}
-    return known if len(known) == len(names) else _regular_stamps(path, names)
+    if len(known) < len(names):
+        return _regular_stamps(path, names)
+    shift = _shift_ns(known.values())
+    return {name: stamp + shift for name, stamp in known.items()}
+
+
+def _shift_ns(stamps: Collection[int]) -> int:
+    """Return what makes all stamps positive: a stamp of 0 means none in ROS."""
+    return NANOSECONDS_PER_SECOND if stamps and min(stamps) <= 0 else 0
 
 
 def _name_ns(stem: str) -> int | None:
@@ -196,7 +222,8 @@ def _are_folders(folders: tuple[Path, Path]) -> bool:
 
 def _images(folder: Path) -> list[str]:
     try:
-        return sorted(each.name for each in folder.iterdir() if each.suffix.lower() in _SUFFIXES)
+        files = [each for each in folder.iterdir() if each.suffix.lower() in _SUFFIXES]
+        return sorted((each.name for each in files if each.is_file()), key=_natural)
     except OSError as error:
         raise BagError(f'{folder}: cannot be read: {error.strerror}') from None
 

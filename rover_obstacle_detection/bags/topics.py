@@ -285,7 +285,8 @@ def _no_pair(topics: Mapping[str, str]) -> str:
             )
     return (
         f'no stereo topics: {_contents(topics)}: expected names such as left/image_rect and '
-        'right/image_rect, or --left-topic and --right-topic'
+        'right/image_rect, or --left-topic and --right-topic, or --side-by-side if each image of '
+        '--left-topic shows both views'
     )
 
 

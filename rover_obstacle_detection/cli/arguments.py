@@ -15,6 +15,8 @@ from rover_obstacle_detection.errors import ConfigurationError
 # The other sources need a running ROS graph.
 OFFLINE_GRAVITY_SOURCES = ('estimate', 'parameters')
 Setting = tuple[str, Any]
+# Nanoseconds, pixels and metres of larger numbers overflow.
+MAX_NUMBER = 1e9
 
 
 def add_command(
@@ -200,8 +202,8 @@ def _number(text: str) -> float:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f'{text!r}: expected a number')
+    if not abs(value) <= MAX_NUMBER:
+        raise argparse.ArgumentTypeError(f'{text!r}: expected a number of at most {MAX_NUMBER:g}')
     return value
 
 

@@ -109,20 +109,23 @@ class FrameOutputs:
         if self._options.report:
             frame = ReplayFrame(number, pair.stamp_ns, summary, {}, detection.warnings)
             self.gallery.offer(frame, lambda: report_pictures(detection, overlay))
-        if self._video:
-            self._video.add(overlay)
-        if self._options.images or self._options.report or self._video:
+        if self._options.images or self._options.report:
             lap(WRITE_IMAGES)
         for topic, type_name, message in messages:
             self._bag.add(topic, type_name, message, pair.stamp_ns)
         self._table.add(number, pair.stamp_ns, obstacles)
         lap(WRITE_BAG)
+        if self._video:
+            # Last, because it cannot be taken back if the frame fails.
+            self._video.add(overlay)
+            lap(WRITE_IMAGES)
         return summary
 
     def discard(self, number: int) -> None:
         """Remove what a frame that failed has left behind."""
         for picture in (self._folder / 'images').glob(f'{_prefix(number)}*'):
             picture.unlink()
+        self.gallery.discard(number)
 
 
 def _prefix(number: int) -> str:

@@ -85,6 +85,15 @@ class Gallery:
         for number in self.pictures.keys() - shown:
             del self.pictures[number]
 
+    def discard(self, number: int) -> None:
+        """Forget a frame that could not be written."""
+        self.pictures.pop(number, None)
+        self._even = [each for each in self._even if each != number]
+        self._ranked = {
+            name: [each for each in ranking if each.number != number]
+            for name, ranking in self._ranked.items()
+        }
+
     def worst(self, name: str) -> list[int]:
         """Return the numbers of the worst frames of a ranking, worst first."""
         return [each.number for each in sorted(self._ranked[name], reverse=True)]

@@ -173,6 +173,31 @@ def test_other_names_are_ten_images_per_second(tmp_path, caplog, names):
     assert f'{tmp_path}: the names of the images are no stamps' in record.getMessage()
 
 
+def test_names_may_say_left_and_right(tmp_path):
+    (tmp_path / 'left').mkdir()
+    (tmp_path / 'right').mkdir()
+    for number, name in enumerate(('9', '10')):
+        for side in ('left', 'right'):
+            cv2.imwrite(str(tmp_path / side / f'{side}_{name}.png'), pixels(number, side))
+    pairs = numbers_only(tmp_path)
+    assert_images(pairs)
+    assert stamps(pairs) == [10**9, 11 * 10**8]
+
+
+def test_names_of_nothing_in_common_are_refused(tmp_path):
+    write_images(tmp_path, ('left', 'other'), ('a',))
+    write_images(tmp_path, ('other', 'right'), ('b',))
+    with pytest.raises(
+        BagError, match=r'left and .*right: no image is on both sides, as by a\.png'
+    ):
+        numbers_only(tmp_path)
+
+
+def test_times_that_begin_at_0_are_shifted(tmp_path):
+    write_images(tmp_path, ('left', 'right'), ('0.00', '0.50'))
+    assert stamps(numbers_only(tmp_path)) == [10**9, 15 * 10**8]
+
+
 def test_an_image_without_partner_is_counted(tmp_path):
     write_images(tmp_path, ('left', 'right'), ('a', 'b', 'c'))
     (tmp_path / 'right' / 'b.png').unlink()

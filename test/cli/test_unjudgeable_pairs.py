@@ -14,6 +14,7 @@ import pytest
 from hand_made import FIRST_STAMP_NS, stereo_images, write_calibration, write_stereo_bag
 from rosbags.highlevel import AnyReader
 
+from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.result.detection import Detection
@@ -168,6 +169,29 @@ def test_pictures_of_a_pair_that_fails_are_removed(
     with AnyReader([tmp_path / 'out' / 'detections']) as reader:
         stamps = {time_ns for _, time_ns, _ in reader.messages()}
     assert stamps == {FIRST_STAMP_NS + index * PERIOD_NS for index in range(3)}
+
+
+def test_a_pair_that_cannot_be_written_is_not_in_the_report(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pytest.importorskip('matplotlib', reason='needs the extra report')
+    pytest.importorskip('jinja2', reason='needs the extra report')
+    add = BagWriter.add
+
+    def fail_at_the_last(
+        writer: BagWriter, topic: str, type_name: str, message: Any, stamp_ns: int
+    ) -> None:
+        if stamp_ns == FIRST_STAMP_NS + 3 * PERIOD_NS:
+            raise ValueError('no more')
+        add(writer, topic, type_name, message, stamp_ns)
+
+    monkeypatch.setattr(BagWriter, 'add', fail_at_the_last)
+
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), '--report']) == 0
+
+    counts = summary_of(tmp_path / 'out')['counts']
+    assert (counts['detected'], counts['bad']) == (3, 1)
+    assert 'ValueError: no more' in (tmp_path / 'out' / 'report.html').read_text()
 
 
 def test_the_traceback_of_a_failure_is_logged_for_debugging(
