@@ -42,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         nargs='+',
         metavar='BAG',
         type=Path,
-        help='rosbag2 folder or file (.mcap, .db3), or rosbag1 file (.bag)',
+        help='rosbag2 folder or file (.mcap, .db3), rosbag1 file (.bag), or folder of images',
     )
     group = parser.add_argument_group('input')
     for side in ('left', 'right'):
