@@ -102,6 +102,12 @@ def test_values_below_the_ground_and_far_away():
     assert features['scale'][22, 27] == pytest.approx(np.log(40) / 3)
 
 
+def test_top_of_a_tall_part_is_limited_to_five_steps():
+    terrain, standing = scene()
+    standing.top_m[3] = 9.0
+    assert features_of(terrain, standing)['top of the part over the step'].max() == 5
+
+
 def test_top_of_a_part_reaches_a_little_beyond_it():
     tops = features_of(*scene())['top of the part over the step']
     assert tops[12, 3] == pytest.approx(3)

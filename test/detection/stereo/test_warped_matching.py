@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 import synthetic
@@ -52,6 +53,21 @@ def test_disparity_is_true(offset, solids):
     assert valid.mean() > 0.85
     assert np.median(error) < 0.1
     assert np.quantile(error, 0.95) < 0.35
+
+
+def test_disparity_of_less_than_a_pixel_is_a_match():
+    rng = np.random.default_rng(2)
+    texture = cv2.GaussianBlur(rng.uniform(0, 255, (150, 240)).astype(np.float32), (0, 0), 1.5)
+    texture = cv2.normalize(texture, None, 20, 235, cv2.NORM_MINMAX)
+    rows, columns = np.mgrid[:150, :200].astype(np.float32)
+    pair = [
+        np.rint(cv2.remap(texture, columns + 20 + shift, rows, cv2.INTER_CUBIC)).astype(np.uint8)
+        for shift in np.float32([0, 0.6])
+    ]
+    found = matched(pair, small_rig().camera, np.zeros((150, 200), np.float32))[:, 20:-20]
+    assert (found > 0).mean() > 0.9
+    # Plain matching is drawn towards whole pixels.
+    assert 0.3 < np.median(found) < 1
 
 
 def test_search_corrects_a_wrong_expectation():
