@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from rover_obstacle_detection.calibration_files import values
-from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
+from rover_obstacle_detection.calibration_files.numbers import Cameras, Size, left_three
 from rover_obstacle_detection.calibration_files.stereo_rectify import (
     FISHEYE,
     PINHOLE,
@@ -91,7 +91,7 @@ def stereo_storage(content: Mapping[str, Any], size: Callable[[], Size]) -> Came
     is_fisheye = content.get('distortion_model') in ('equidistant', 'fisheye')
     lenses = []
     for number in '12':
-        k = get(f'K{number}', 9) if f'K{number}' in found else _left_three(get(f'P{number}', 12))
+        k = get(f'K{number}', 9) if f'K{number}' in found else left_three(get(f'P{number}', 12))
         d = get(f'D{number}', *_COEFFICIENTS) if f'D{number}' in found else ()
         lenses.append(Lens(shape, k, d, FISHEYE if is_fisheye else PINHOLE))
     if not has_projection:
@@ -101,10 +101,6 @@ def stereo_storage(content: Mapping[str, Any], size: Callable[[], Size]) -> Came
         r = get(f'R{number}', 9) if f'R{number}' in found else _IDENTITY
         cameras.append(lens.with_rectification(r, get(f'P{number}', 12)))
     return cameras[0], cameras[1]
-
-
-def _left_three(projection: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(value for index, value in enumerate(projection) if index % 4 < 3)
 
 
 def _size(content: Mapping[str, Any]) -> Size | None:

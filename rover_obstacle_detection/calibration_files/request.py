@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rover_obstacle_detection.calibration_files.kitti import is_colour
 from rover_obstacle_detection.calibration_files.load import load_cameras
-from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, Cameras, Size
+from rover_obstacle_detection.calibration_files.numbers import (
+    CameraNumbers,
+    Cameras,
+    Size,
+    left_three,
+)
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import StereoCalibration
+from rover_obstacle_detection.messages.rectification import needs_rectification
 
 _OPTIONS = {'fx (or hfov)': '--fx or --hfov', 'baseline': '--baseline'}
 _FILES = '--calibration, or --left-info and --right-info'
@@ -107,7 +113,15 @@ class CalibrationRequest:
             if cameras is None:
                 cameras = self.numbers.cameras(size())
             elif self.numbers.are_given:
-                cameras = self.numbers.applied(cameras)
+                cameras = _applied(self.numbers, cameras)
         except CameraError as error:
             raise CameraError(f'{source}: {error}') from None
         return StereoCalibration(*cameras, source)
+
+
+def _applied(numbers: CameraNumbers, cameras: Cameras) -> Cameras:
+    left, right = numbers.applied(cameras)
+    if any(map(needs_rectification, cameras)):
+        return left, right
+    # The numbers describe the images as they are, not images to make of them.
+    return replace(left, k=left_three(left.p)), replace(right, k=left_three(right.p))

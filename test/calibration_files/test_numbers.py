@@ -6,14 +6,19 @@ import pytest
 from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, rectified_camera
 from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.errors import CameraError
+from rover_obstacle_detection.messages.rectification import StereoRectification
 
 LEFT = rectified_camera((640, 480), (400, 0, 310, 0, 0, 410, 230, 0, 0, 0, 1, 0))
 RIGHT = rectified_camera((640, 480), (400, 0, 305, -48, 0, 410, 230, 0, 0, 0, 1, 0))
 
 
-def camera(numbers, recorded=None):
+def calibration(numbers, recorded=None):
     request = CalibrationRequest(numbers=CameraNumbers(**numbers))
-    return request.calibration(lambda: (640, 480), 'left.png', recorded).camera
+    return request.calibration(lambda: (640, 480), 'left.png', recorded)
+
+
+def camera(numbers, recorded=None):
+    return calibration(numbers, recorded).camera
 
 
 def test_numbers_give_a_camera_with_its_centre_in_the_image():
@@ -58,6 +63,19 @@ def test_numbers_are_those_of_cropped_and_binned_images():
     one = camera({'fx': 100.0, 'cx': 99.5, 'cy': 70.0}, lambda: (infos, 'topics'))
     assert (one.width, one.fx, one.cx, one.cy) == (200, 100, 99.5, 70)
     assert camera({'hfov_deg': 90.0}, lambda: (infos, 'topics')).fx == pytest.approx(100)
+
+
+@pytest.mark.parametrize('numbers', [{'fx': 480.0}, {'hfov_deg': 90.0}, {'cx': 300.0, 'cy': 9.0}])
+def test_images_that_are_rectified_stay_as_they_are(numbers):
+    found = calibration(numbers, lambda: ((LEFT, RIGHT), 'topics'))
+    assert not StereoRectification(found).is_needed
+
+
+def test_a_lens_keeps_its_focal_length():
+    bent = replace(LEFT, d=(-0.1, 0.0, 0.0, 0.0, 0.0))
+    found = calibration({'fx': 480.0}, lambda: ((bent, RIGHT), 'topics'))
+    assert (found.left.k, found.left.d, found.left.p[0]) == (LEFT.k, bent.d, 480)
+    assert (found.right.k, found.right.p[0]) == (RIGHT.k, 480)
 
 
 def test_a_missing_baseline_is_filled_in():

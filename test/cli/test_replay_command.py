@@ -379,6 +379,20 @@ def test_a_number_replaces_that_of_the_recording(tmp_path, bag):
     assert (camera['fx'], camera['baseline_m']) == pytest.approx((CAMERA.fx, 0.13))
 
 
+def test_a_wrong_focal_length_of_raw_images_is_corrected(tmp_path):
+    def change(side, info):
+        info.k[0] = info.k[4] = info.p[0] = info.p[5] = 0.75 * CAMERA.fx
+        info.p[3] *= 0.75
+
+    raw = write_stereo_bag(tmp_path / 'raw', pairs=1, name='image_raw', change_info=change)
+    numbers = [f'--fx={CAMERA.fx}', f'--baseline={CAMERA.baseline_m}']
+    heights = []
+    for options in (numbers[:1], numbers):
+        assert main(['replay', str(raw), '-o', str(tmp_path / 'out'), '--force', *options]) == 0
+        heights.append(_summary(tmp_path / 'out')['frames'][0]['camera_height_m'])
+    assert heights[0] == pytest.approx(heights[1])
+
+
 def test_existing_output_needs_force(bag, tmp_path, capsys):
     output = tmp_path / 'out'
     arguments = ['replay', str(bag), '-o', str(output), '--duration', '0.05']
