@@ -151,11 +151,6 @@ def rectified_camera(size: Size, projection: tuple[float, ...]) -> CameraInfo:
     )
 
 
-def left_three(projection: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the K of rectified images: the left three columns of P."""
-    return tuple(value for index, value in enumerate(projection) if index % 4 < 3)
-
-
 def _window(info: CameraInfo) -> tuple[int, int, int, int, float]:
     """Return binning and offset of the images within the calibrated ones, and their width."""
     scale_x, scale_y = info.binning_x or 1, info.binning_y or 1

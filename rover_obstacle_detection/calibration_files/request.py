@@ -8,12 +8,7 @@ from pathlib import Path
 
 from rover_obstacle_detection.calibration_files.kitti import is_colour
 from rover_obstacle_detection.calibration_files.load import load_cameras
-from rover_obstacle_detection.calibration_files.numbers import (
-    CameraNumbers,
-    Cameras,
-    Size,
-    left_three,
-)
+from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, Cameras, Size
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import StereoCalibration
 from rover_obstacle_detection.messages.rectification import needs_rectification
@@ -124,4 +119,8 @@ def _applied(numbers: CameraNumbers, cameras: Cameras) -> Cameras:
     if any(map(needs_rectification, cameras)):
         return left, right
     # The numbers describe the images as they are, not images to make of them.
-    return replace(left, k=left_three(left.p)), replace(right, k=left_three(right.p))
+    return replace(left, k=_left_three(left.p)), replace(right, k=_left_three(right.p))
+
+
+def _left_three(projection: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(value for index, value in enumerate(projection) if index % 4 < 3)

@@ -122,7 +122,7 @@ def test_two_files_of_opencv_complete_each_other(tmp_path):
     intrinsics = opencv_file(tmp_path / 'intrinsics.yml', M1=K1, D1=D1, M2=K2, D2=D2)
     extrinsics = opencv_file(tmp_path / 'extrinsics.yml', R=R, T=T)
     assert_is_the_camera(load(intrinsics, extrinsics))
-    with pytest.raises(CameraError, match=r'extrinsics\.yml: lacks K1, K2: expected'):
+    with pytest.raises(CameraError, match=r'extrinsics\.yml: lacks K1, D1, K2, D2: expected'):
         load(extrinsics)
 
 
@@ -131,6 +131,31 @@ def test_opencv_projections_alone_are_of_rectified_images(tmp_path):
     assert calibration.camera.fx == pytest.approx(P1[0, 0])
     assert calibration.left.k == pytest.approx(P1[:, :3].ravel())
     assert calibration.left.d == ()
+
+
+@pytest.mark.parametrize(
+    ('others', 'lacking'),
+    [
+        ({'K1': K1, 'K2': K2, 'R': R, 'T': T, 'distortion_1': D1}, 'D1, D2'),
+        ({'P1': P1, 'P2': P2, 'K1': K1, 'K2': K2, 'R': R, 'T': T}, 'D1, D2'),
+        ({'P1': P1, 'P2': P2, 'K1': K1, 'K2': K2, 'D1': D1, 'D2': D2}, 'R, T'),
+        ({'P1': P1, 'P2': P2, 'R1': R, 'R2': R, 'R': R, 'T': T}, 'K1, D1, K2, D2'),
+    ],
+)
+def test_no_part_of_opencv_calibration_is_taken_as_absent(tmp_path, others, lacking):
+    with pytest.raises(CameraError, match=f': lacks {lacking}: expected K1'):
+        load(opencv_file(tmp_path / 'stereo.yml', **others))
+
+
+def test_opencv_rectification_is_computed_without_both_rotations(tmp_path):
+    intrinsic = {'K1': K1, 'D1': D1, 'K2': K2, 'D2': D2, 'R': R, 'T': T}
+    assert_is_the_camera(load(opencv_file(tmp_path / 'stereo.yml', **intrinsic, P1=P1, P2=P2)))
+
+
+def test_opencv_fisheye_is_named_in_the_file(tmp_path):
+    intrinsic = {'K1': K1, 'D1': D1[:4], 'K2': K2, 'D2': D2[:4], 'R': R, 'T': T}
+    path = opencv_file(tmp_path / 'stereo.yml', **intrinsic, distortion_model='fisheye')
+    assert load(path).left.distortion_model == 'equidistant'
 
 
 def test_kalibr_camera_chain_is_rectified(tmp_path):
@@ -219,9 +244,9 @@ def test_numbers_replace_those_of_any_file(tmp_path):
         (
             'stereo.yml',
             '%YAML:1.0\n---\nK1: 3\n',
-            'lacks K2, R, T: expected K1 (or M1), D1, K2',
+            'lacks D1, K2, D2, R, T: expected K1 (or M1), D1, K2',
         ),
-        ('stereo.yml', '%YAML:1.0\n---\nK1: !!opencv-matrix\n   rows: 3\n', 'lacks K2'),
+        ('stereo.yml', '%YAML:1.0\n---\nK1: !!opencv-matrix\n   rows: 3\n', 'lacks D1, K2'),
         ('stereo.yml', '%YAML:1.0\n---\nK1: [1, 2\n', 'cv2.FileStorage: '),
         (
             'stereo.xml',

@@ -121,7 +121,9 @@ def test_distortion_is_named_and_raw_images_are_rectified(files, capsys):
 
 def test_raw_without_a_distortion_is_a_warning(files, capsys):
     assert _detect(files, '--raw') == 0
-    warning = '--raw: no distortion or rotation in {0}/left.yaml and {0}/right.yaml: nothing is rec'
+    warning = (
+        '--raw: no distortion or rotation in {0}/left.yaml and {0}/right.yaml: nothing is rec'
+    )
     assert warning.format(files) in capsys.readouterr().err
     _detect_with(files, '--fx', CAMERA.fx, '--baseline', CAMERA.baseline_m, '--raw', '--force')
     assert '--raw: no distortion or rotation in --fx 207' in capsys.readouterr().err
