@@ -29,10 +29,13 @@ class CalibrationRequest:
         A calibration file with both cameras, or those of the left and the right camera; may be
         empty.
     numbers : CameraNumbers
+    are_parts : bool
+        Whether two files are parts of one calibration, not those of the two cameras.
     """
 
     files: tuple[Path, ...] = ()
     numbers: CameraNumbers = field(default_factory=CameraNumbers)
+    are_parts: bool = False
 
     @property
     def is_given(self) -> bool:
@@ -53,7 +56,8 @@ class CalibrationRequest:
 
     def arguments(self) -> list[str]:
         """Return the options of the command line that give it."""
-        names = ('--calibration',) if len(self.files) == 1 else ('--left-info', '--right-info')
+        is_both = self.are_parts or len(self.files) == 1
+        names = ('--calibration',) * 2 if is_both else ('--left-info', '--right-info')
         options: list[tuple[str, Path | float | None]] = [
             *zip(names, self.files, strict=False),
             ('--fx', self.numbers.fx),
@@ -92,7 +96,9 @@ class CalibrationRequest:
         """
         sources = []
         if self.files:
-            cameras = load_cameras(self.files, size, colour=is_colour(images))
+            cameras = load_cameras(
+                self.files, size, colour=is_colour(images), are_parts=self.are_parts
+            )
             sources.append(' and '.join(map(str, self.files)))
         elif self.is_complete:
             cameras = None

@@ -133,6 +133,24 @@ def test_opencv_projections_alone_are_of_rectified_images(tmp_path):
     assert calibration.left.d == ()
 
 
+def load_parts(*files):
+    return CalibrationRequest(files, are_parts=True).calibration(lambda: SIZE, 'left.png')
+
+
+def test_parts_of_a_calibration_complete_each_other(tmp_path):
+    intrinsics = opencv_file(tmp_path / 'intrinsics.yml', M1=K1, D1=D1, M2=K2, D2=D2)
+    extrinsics = opencv_file(tmp_path / 'extrinsics.yml', R=R, T=T)
+    assert_is_the_camera(load_parts(intrinsics, extrinsics))
+    both = opencv_file(tmp_path / 'both.yml', M1=K1, D1=D1, M2=K2, D2=2 * D2, R=R, T=T)
+    with pytest.raises(CameraError, match=r'intrinsics\.yml and .*both\.yml: differ in D2: expec'):
+        load_parts(intrinsics, both)
+    chain = text_file(tmp_path / 'camchain.yaml', CHAIN)
+    for files in ((intrinsics, chain), (chain, chain)):
+        with pytest.raises(CameraError, match=r'camchain\.yaml: is a Kalibr calibration and one of'):
+            load_parts(*files)
+    assert_is_the_camera(load_parts(chain))
+
+
 @pytest.mark.parametrize(
     ('others', 'lacking'),
     [

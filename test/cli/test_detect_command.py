@@ -159,6 +159,13 @@ def test_a_file_of_another_tool_is_as_good_as_two_of_ros(files):
     assert np.array_equal(mask, Detector(CAMERA).detect(*stereo_images()).mask)
 
 
+def test_calibrations_of_both_cameras_are_not_mixed(files, capsys):
+    twice = ['--calibration', str(_kitti(files))] * 2
+    images = [str(files / f'{side}.png') for side in ('left', 'right')]
+    assert main(['detect', *images, '-o', str(files / 'out'), *twice]) == 1
+    assert 'calib.txt: is a KITTI calibration and one of two files' in capsys.readouterr().err
+
+
 def test_raw_images_are_rectified_with_a_file_of_opencv(files, capsys):
     size, distortion = (CAMERA.width, CAMERA.height), np.array([-0.1, 0.02, 0, 0, 0])
     k = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]])
