@@ -112,6 +112,7 @@ def detect_pair(
             {
                 **preamble('detect', config),
                 'images': dict(zip(('left', 'right'), names, strict=True)),
+                'calibration': stereo.source,
                 'camera': asdict(camera),
                 **FrameSummary.of(detection).as_json(),
                 'warnings': list(detection.warnings),

@@ -61,6 +61,7 @@ def test_files_and_table_match_the_detection(files, capsys):
     assert listed['confidence'] == pytest.approx(largest.confidence)
     assert listed['kind'] == largest.kind == 'rock'
     assert summary['obstacle_kinds'] == {'rock': len(detection.obstacles)}
+    assert summary['calibration'] == f'{files}/left.yaml and {files}/right.yaml'
     assert summary['camera']['fx'] == pytest.approx(CAMERA.fx)
     assert summary['stage_ms']
     documentation = (Path(__file__).parents[2] / 'docs' / 'replay.md').read_text()

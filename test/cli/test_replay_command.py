@@ -375,7 +375,10 @@ def test_both_views_may_be_side_by_side(tmp_path, replayed, capsys):
 def test_a_number_replaces_that_of_the_recording(tmp_path, bag):
     arguments = ['--duration', '0.05', '--baseline', '0.13']
     assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *arguments]) == 0
-    (camera,) = _summary(tmp_path / 'out')['cameras']
+    summary = _summary(tmp_path / 'out')
+    (camera,) = summary['cameras']
+    topics = '/cam/left/camera_info and /cam/right/camera_info'
+    assert summary['calibration'] == f'--baseline 0.13, {topics}'
     assert (camera['fx'], camera['baseline_m']) == pytest.approx((CAMERA.fx, 0.13))
 
 
