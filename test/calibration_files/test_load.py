@@ -146,7 +146,9 @@ def test_parts_of_a_calibration_complete_each_other(tmp_path):
         load_parts(intrinsics, both)
     chain = text_file(tmp_path / 'camchain.yaml', CHAIN)
     for files in ((intrinsics, chain), (chain, chain)):
-        with pytest.raises(CameraError, match=r'camchain\.yaml: is a Kalibr calibration and one of'):
+        with pytest.raises(
+            CameraError, match=r'camchain\.yaml: is a Kalibr calibration and one of'
+        ):
             load_parts(*files)
     assert_is_the_camera(load_parts(chain))
 
@@ -213,6 +215,16 @@ def test_euroc_sensors_are_rectified(tmp_path):
     assert_is_the_camera(load(*files))
 
 
+def test_exchanged_sensors_of_euroc_are_named(tmp_path):
+    poses = np.eye(4), np.eye(4)
+    poses[0][0, 3] = 0.1
+    texts = [SENSOR.replace('POSE', str(pose.ravel().tolist())) for pose in poses]
+    files = [text_file(tmp_path / f'{n}.yaml', text) for n, text in enumerate(texts)]
+    with pytest.raises(CameraError, match='the second sensor lies left of the first sensor: exp'):
+        load(*files)
+    assert load(*reversed(files)).camera.baseline_m == pytest.approx(0.1)
+
+
 def test_kitti_has_a_grey_and_a_colour_pair(tmp_path):
     path = text_file(tmp_path / 'calib.txt', KITTI)
     grey = load(path, size=(1226, 370)).camera
@@ -243,6 +255,9 @@ def test_numbers_replace_those_of_any_file(tmp_path):
     ('name', 'text', 'words'),
     [
         ('chain.yaml', CHAIN.replace('cam1', 'cam2'), 'cam1 is missing: expected cam0 and cam1'),
+        ('chain.yaml', 'cam0: 3', 'cam0 is 3: expected intrinsics, resolution, ...'),
+        ('chain.yaml', f'cam0: {[1] * 999}', 'cam0 is [1, 1, 1, 1, 1, 1, ...]: expected'),
+        ('chain.yaml', CHAIN.replace(', -0.12]', ', 0.12]'), 'cam1 lies left of cam0: expected '),
         ('chain.yaml', CHAIN.replace('500.0, 501', '501'), 'cam0: intrinsics has 3 numbers: exp'),
         ('chain.yaml', CHAIN.replace('pinhole', 'omni'), "cam0: camera_model is 'omni': expected"),
         ('chain.yaml', CHAIN.replace('T_cn', 'T_no'), 'cam1: T_cn_cnm1 is missing: expected 16'),

@@ -89,7 +89,10 @@ def test_a_missing_baseline_is_filled_in():
         ({}, 'lacks fx (or hfov) and baseline: expected --fx or --hfov, --baseline, or'),
         ({'fx': 500.0, 'cx': 3.0}, 'lacks baseline: expected --baseline, or --calibration'),
         ({'baseline_m': 0.1}, 'lacks fx (or hfov): expected'),
-        ({'fx': 500.0, 'baseline_m': 60.0}, '--fx 500 --baseline 60: the baseline is 60 m'),
+        (
+            {'fx': 500.0, 'baseline_m': 60.0},
+            '--fx 500 --baseline 60: the baseline is 60 m: expected',
+        ),
         ({'hfov_deg': 190.0, 'baseline_m': 0.1}, '--hfov 190: hfov is 190 degrees: expected 0.5'),
         ({'fx': 500.0, 'cx': 9e9, 'baseline_m': 0.1}, 'off the optical axis'),
     ],
