@@ -182,6 +182,15 @@ def test_kalibr_camera_chain_is_rectified(tmp_path):
     assert_is_the_camera(load(text_file(tmp_path / 'camchain.yaml', CHAIN)))
 
 
+def test_the_distortion_model_is_that_of_ros(tmp_path):
+    left = load(text_file(tmp_path / 'camchain.yaml', CHAIN)).left
+    assert (left.distortion_model, left.d) == ('plumb_bob', (-0.1, 0.02, 0.001, 0, 0))
+    intrinsic = {'K1': K1, 'D1': D1, 'K2': K2, 'D2': np.r_[D2, 0.01, 0, 0], 'R': R, 'T': T}
+    found = load(opencv_file(tmp_path / 'stereo.yml', **intrinsic))
+    assert (found.left.distortion_model, found.left.d) == ('plumb_bob', tuple(D1))
+    assert (found.right.distortion_model, len(found.right.d)) == ('rational_polynomial', 8)
+
+
 def test_kalibr_fisheye_is_rectified(tmp_path):
     text = re.sub(r'distortion_coeffs: .*', 'distortion_coeffs: [0.01, 0, 0, 0]', CHAIN)
     calibration = load(text_file(tmp_path / 'chain.yaml', text.replace('radtan', 'equidistant')))
