@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -151,6 +152,15 @@ def test_parts_of_a_calibration_complete_each_other(tmp_path):
         ):
             load_parts(*files)
     assert_is_the_camera(load_parts(chain))
+
+
+def test_a_request_is_repeated_with_the_options_that_gave_it():
+    a, b = Path('a.yml'), Path('b.yml')
+    parts = CalibrationRequest((a, b), are_parts=True)
+    assert parts.arguments() == ['--calibration', 'a.yml', '--calibration', 'b.yml']
+    assert CalibrationRequest((a,)).arguments() == ['--calibration', 'a.yml']
+    sides = CalibrationRequest((a, b), CameraNumbers(fx=5.0)).arguments()
+    assert sides == ['--left-info', 'a.yml', '--right-info', 'b.yml', '--fx', '5.0']
 
 
 @pytest.mark.parametrize(
