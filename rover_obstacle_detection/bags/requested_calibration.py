@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
@@ -9,6 +11,9 @@ from rover_obstacle_detection.calibration_files.request import CalibrationReques
 from rover_obstacle_detection.errors import BagError, CameraError
 from rover_obstacle_detection.messages.calibration import StereoCalibration
 from rover_obstacle_detection.messages.image import image_size
+from rover_obstacle_detection.messages.rectification import needs_rectification
+
+_logger = logging.getLogger(__name__)
 
 
 def requested_calibration(
@@ -16,7 +21,8 @@ def requested_calibration(
 ) -> StereoCalibration | None:
     """Return the calibration that a user gives for a recording; None if nothing is given.
 
-    Numbers that are no complete camera replace values of the recording's first camera_info.
+    Numbers that are no complete camera replace values of the recording's first camera_info. A
+    complete camera replaces all of it, with a warning if it rectifies raw images.
 
     Raises
     ------
@@ -38,7 +44,27 @@ def requested_calibration(
 
     if not request.is_given:
         return None
+    if not request.files and request.is_complete and not topics.is_rectified:
+        _warn_of_replaced_rectification(request, bag, topics)
     return request.calibration(size, f'{bag.path} {topics.left_image}', recorded)
+
+
+def _warn_of_replaced_rectification(
+    request: CalibrationRequest, bag: BagReader, topics: StereoTopics
+) -> None:
+    try:
+        cameras = bag.camera_infos(topics)
+    except BagError:
+        return
+    # An uncalibrated camera has zeros.
+    if any(needs_rectification(each) and each.k[0] > 0 and each.p[0] > 0 for each in cameras):
+        _logger.warning(
+            'a lens distortion or rotation is in %s and %s, which %s replaces: the images are '
+            'taken as rectified; to rectify them, give only --baseline',
+            topics.left_info,
+            topics.right_info,
+            request.numbers,
+        )
 
 
 def _first_size(bag: BagReader, topic: str) -> Size:

@@ -166,6 +166,11 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         """Counts of received, paired and unmatched images so far."""
         return self._pairing.statistics
 
+    @property
+    def calibration_source(self) -> str:
+        """The files, topics and numbers that the calibration comes from."""
+        return self._watch.source
+
     def __next__(self) -> StereoPair | BadFrame:
         frame = next(self._frames)
         self.bad_frames += isinstance(frame, BadFrame)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -38,7 +39,7 @@ def camera_chain(content: Mapping[str, Any]) -> Cameras:
     left, right = (_lens(_camera(content, name), f'{name}: ') for name in ('cam0', 'cam1'))
     with _Key('cam1: '):
         pose = values.numbers(_camera(content, 'cam1'), 'T_cn_cnm1', (16,))
-    return _posed(left, right, np.reshape(pose, (4, 4)))
+    return _posed(left, right, np.reshape(pose, (4, 4)), ('cam0', 'cam1'))
 
 
 def sensors(left: Mapping[str, Any], right: Mapping[str, Any]) -> Cameras:
@@ -57,7 +58,8 @@ def sensors(left: Mapping[str, Any], right: Mapping[str, Any]) -> Cameras:
         pose = np.linalg.inv(poses[1]) @ poses[0]
     except np.linalg.LinAlgError:
         raise CameraError('right: T_BS has no inverse: expected a pose') from None
-    return _posed(_lens(left, 'left: '), _lens(right, 'right: '), pose)
+    names = 'the first sensor', 'the second sensor'
+    return _posed(_lens(left, 'left: '), _lens(right, 'right: '), pose, names)
 
 
 class _Key:
@@ -76,8 +78,12 @@ class _Key:
 
 def _camera(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     camera = content.get(name)
-    if not isinstance(camera, Mapping):
+    if camera is None:
         raise CameraError(f'{name} is missing: expected cam0 and cam1')
+    if not isinstance(camera, Mapping):
+        raise CameraError(
+            f'{name} is {reprlib.repr(camera)}: expected intrinsics, resolution, ...'
+        )
     return camera
 
 
@@ -104,6 +110,16 @@ def _lens(content: Mapping[str, Any], name: str) -> Lens:
         )
 
 
-def _posed(left: Lens, right: Lens, pose: np.ndarray[Any, np.dtype[np.float64]]) -> Cameras:
+def _posed(
+    left: Lens,
+    right: Lens,
+    pose: np.ndarray[Any, np.dtype[np.float64]],
+    names: tuple[str, str],
+) -> Cameras:
+    x, y, _ = -pose[:3, :3].T @ pose[:3, 3]
+    if x < -abs(y):
+        raise CameraError(
+            f'{names[1]} lies left of {names[0]}: expected {names[0]} to be the left camera'
+        )
     rotation = tuple(float(each) for each in pose[:3, :3].ravel())
     return rectified(left, right, rotation, tuple(float(each) for each in pose[:3, 3]))

@@ -26,7 +26,9 @@ class _File(NamedTuple):
     content: Any
 
 
-def load_cameras(files: Sequence[Path], size: Callable[[], Size], *, colour: bool) -> Cameras:
+def load_cameras(
+    files: Sequence[Path], size: Callable[[], Size], *, colour: bool, are_parts: bool = False
+) -> Cameras:
     """Read the calibration files of a stereo camera, whatever tool has written them.
 
     Parameters
@@ -38,6 +40,8 @@ def load_cameras(files: Sequence[Path], size: Callable[[], Size], *, colour: boo
         Returns the size of the images, for formats without it.
     colour : bool
         Take KITTI's colour cameras instead of the grey ones.
+    are_parts : bool
+        Refuse two files that do not complete each other.
 
     Raises
     ------
@@ -45,9 +49,13 @@ def load_cameras(files: Sequence[Path], size: Callable[[], Size], *, colour: boo
         Naming the file, the key and what was expected.
     """
     read = [_recognise(path) for path in files]
+    if are_parts and len(read) == 2:
+        _check_parts(*read)
     if all(each.format == EUROC for each in read) and len(read) == 2:
         return _named(files, lambda: kalibr.sensors(read[0].content, read[1].content))
-    if all(each.format == OPENCV for each in read) and _agree(read[0].content, read[-1].content):
+    if all(each.format == OPENCV for each in read) and not _differing(
+        read[0].content, read[-1].content
+    ):
         # OpenCV's sample writes intrinsics.yml and extrinsics.yml.
         content = {**read[0].content, **read[-1].content}
         return _named(files, lambda: opencv.stereo_storage(content, size))
@@ -94,8 +102,24 @@ def _text(path: Path) -> str:
     return data.decode(errors='replace')
 
 
-def _agree(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    return all(one[key] == other[key] for key in one.keys() & other.keys())
+def _check_parts(one: _File, other: _File) -> None:
+    for file in (one, other):
+        if file.format != OPENCV:
+            raise CameraError(
+                f'{file.path}: is a {file.format} calibration and one of two files: expected two '
+                'of OpenCV that complete each other; give those of the two cameras with '
+                '--left-info and --right-info'
+            )
+    differing = _differing(one.content, other.content)
+    if differing:
+        raise CameraError(
+            f'{one.path} and {other.path}: differ in {", ".join(differing)}: expected files that '
+            'complete each other'
+        )
+
+
+def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    return [key for key in one if key in other and one[key] != other[key]]
 
 
 def _both(file: _File, size: Callable[[], Size], *, colour: bool) -> Cameras | None:

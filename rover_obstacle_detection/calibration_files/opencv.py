@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from rover_obstacle_detection.calibration_files import values
-from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
+from rover_obstacle_detection.calibration_files.numbers import Cameras, Size, rectified_camera
 from rover_obstacle_detection.calibration_files.stereo_rectify import (
     FISHEYE,
     PINHOLE,
@@ -16,7 +16,6 @@ from rover_obstacle_detection.calibration_files.stereo_rectify import (
     rectified,
 )
 from rover_obstacle_detection.errors import CameraError
-from rover_obstacle_detection.messages.calibration import CameraInfo
 from rover_obstacle_detection.yaml_file import parse_yaml
 
 # The names in OpenCV's documentation and samples, and those of widespread scripts.
@@ -31,8 +30,9 @@ _NAMES = {
     )
 } | {'R': ('R',), 'T': ('T',)}
 _SIZES = ('image_size', 'imageSize', 'img_size', 'size')
+_LENSES = ('K1', 'D1', 'K2', 'D2')
 _COEFFICIENTS = (4, 5, 8, 12, 14)
-_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+_FISHEYE_NAMES = ('equidistant', 'fisheye')
 
 
 def read_storage(text: str) -> Mapping[str, Any]:
@@ -56,7 +56,7 @@ def stereo_storage(content: Mapping[str, Any], size: Callable[[], Size]) -> Came
     """Make the cameras of a calibration with ``cv2.stereoCalibrate``.
 
     With R1, R2, P1 and P2, of ``cv2.stereoRectify``, these are used. Without, they are computed
-    from K1, D1, K2, D2, R and T. With P1 and P2 only, the images are rectified.
+    from K1, D1, K2, D2, R and T. With P1 and P2 alone, the images are rectified.
 
     Parameters
     ----------
@@ -76,35 +76,34 @@ def stereo_storage(content: Mapping[str, Any], size: Callable[[], Size]) -> Came
         for name_in_file in reversed(names)
         if name_in_file in content
     }
-    lacking = [name for name in ('K1', 'K2', 'R', 'T') if name not in found]
-    has_projection = 'P1' in found and 'P2' in found
-    if lacking and not has_projection:
+    # Any other key is that of raw images.
+    is_rectified = found.keys() == {'P1', 'P2'}
+    has_rectification = {'R1', 'R2', 'P1', 'P2'} <= found.keys()
+    needed = (*_LENSES, *(() if has_rectification else ('R', 'T')))
+    lacking = [name for name in needed if name not in found]
+    if lacking and not is_rectified:
         raise CameraError(
             f'lacks {", ".join(lacking)}: expected K1 (or M1), D1, K2 (or M2), D2, R and '
-            'T, or P1 and P2'
+            'T, or P1 and P2 alone'
         )
 
     def get(name: str, *counts: int) -> tuple[float, ...]:
         return values.numbers(content, found.get(name, name), counts)
 
     shape = _size(content) or size()
-    is_fisheye = content.get('distortion_model') in ('equidistant', 'fisheye')
-    lenses = []
-    for number in '12':
-        k = get(f'K{number}', 9) if f'K{number}' in found else _left_three(get(f'P{number}', 12))
-        d = get(f'D{number}', *_COEFFICIENTS) if f'D{number}' in found else ()
-        lenses.append(Lens(shape, k, d, FISHEYE if is_fisheye else PINHOLE))
-    if not has_projection:
-        return rectified(lenses[0], lenses[1], get('R', 9), get('T', 3))
-    cameras: list[CameraInfo] = []
-    for number, lens in zip('12', lenses, strict=True):
-        r = get(f'R{number}', 9) if f'R{number}' in found else _IDENTITY
-        cameras.append(lens.with_rectification(r, get(f'P{number}', 12)))
-    return cameras[0], cameras[1]
-
-
-def _left_three(projection: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(value for index, value in enumerate(projection) if index % 4 < 3)
+    if is_rectified:
+        return rectified_camera(shape, get('P1', 12)), rectified_camera(shape, get('P2', 12))
+    model = FISHEYE if content.get('distortion_model') in _FISHEYE_NAMES else PINHOLE
+    left, right = (
+        Lens(shape, get(f'K{number}', 9), get(f'D{number}', *_COEFFICIENTS), model)
+        for number in '12'
+    )
+    if not has_rectification:
+        return rectified(left, right, get('R', 9), get('T', 3))
+    return (
+        left.with_rectification(get('R1', 9), get('P1', 12)),
+        right.with_rectification(get('R2', 9), get('P2', 12)),
+    )
 
 
 def _size(content: Mapping[str, Any]) -> Size | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rover_obstacle_detection.calibration_files.kitti import is_colour
@@ -11,6 +11,7 @@ from rover_obstacle_detection.calibration_files.load import load_cameras
 from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, Cameras, Size
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import StereoCalibration
+from rover_obstacle_detection.messages.rectification import needs_rectification
 
 _OPTIONS = {'fx (or hfov)': '--fx or --hfov', 'baseline': '--baseline'}
 _FILES = '--calibration, or --left-info and --right-info'
@@ -28,10 +29,13 @@ class CalibrationRequest:
         A calibration file with both cameras, or those of the left and the right camera; may be
         empty.
     numbers : CameraNumbers
+    are_parts : bool
+        Whether two files are parts of one calibration, not those of the two cameras.
     """
 
     files: tuple[Path, ...] = ()
     numbers: CameraNumbers = field(default_factory=CameraNumbers)
+    are_parts: bool = False
 
     @property
     def is_given(self) -> bool:
@@ -52,7 +56,8 @@ class CalibrationRequest:
 
     def arguments(self) -> list[str]:
         """Return the options of the command line that give it."""
-        names = ('--calibration',) if len(self.files) == 1 else ('--left-info', '--right-info')
+        is_both = self.are_parts or len(self.files) == 1
+        names = ('--calibration',) * 2 if is_both else ('--left-info', '--right-info')
         options: list[tuple[str, Path | float | None]] = [
             *zip(names, self.files, strict=False),
             ('--fx', self.numbers.fx),
@@ -91,7 +96,9 @@ class CalibrationRequest:
         """
         sources = []
         if self.files:
-            cameras = load_cameras(self.files, size, colour=is_colour(images))
+            cameras = load_cameras(
+                self.files, size, colour=is_colour(images), are_parts=self.are_parts
+            )
             sources.append(' and '.join(map(str, self.files)))
         elif self.is_complete:
             cameras = None
@@ -107,7 +114,19 @@ class CalibrationRequest:
             if cameras is None:
                 cameras = self.numbers.cameras(size())
             elif self.numbers.are_given:
-                cameras = self.numbers.applied(cameras)
+                cameras = _applied(self.numbers, cameras)
         except CameraError as error:
             raise CameraError(f'{source}: {error}') from None
         return StereoCalibration(*cameras, source)
+
+
+def _applied(numbers: CameraNumbers, cameras: Cameras) -> Cameras:
+    left, right = numbers.applied(cameras)
+    if any(map(needs_rectification, cameras)):
+        return left, right
+    # The numbers describe the images as they are, not images to make of them.
+    return replace(left, k=_left_three(left.p)), replace(right, k=_left_three(right.p))
+
+
+def _left_three(projection: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(value for index, value in enumerate(projection) if index % 4 < 3)

@@ -12,6 +12,7 @@ from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo
 
 _NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
+_PLUMB_BOB_COUNT = 5
 
 PINHOLE, FISHEYE = 'rational_polynomial', 'equidistant'
 
@@ -47,6 +48,10 @@ class Lens:
 
     def with_rectification(self, r: tuple[float, ...], p: tuple[float, ...]) -> CameraInfo:
         """Return the camera with its rectification and projection matrix."""
+        if self.model == PINHOLE and len(self.d) <= _PLUMB_BOB_COUNT:
+            # ROS has five coefficients in this model, and at least eight in the other.
+            d = self.d + (0.0,) * (_PLUMB_BOB_COUNT - len(self.d))
+            return CameraInfo(*self.size, 'plumb_bob', d, self.k, r, p)
         return CameraInfo(*self.size, self.model, self.d, self.k, r, p)
 
 

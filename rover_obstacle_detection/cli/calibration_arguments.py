@@ -75,7 +75,7 @@ def calibration_request(arguments: argparse.Namespace) -> CalibrationRequest:
         baseline_m=arguments.baseline,
         hfov_deg=arguments.hfov,
     )
-    return CalibrationRequest(_files(arguments), numbers)
+    return CalibrationRequest(_files(arguments), numbers, bool(arguments.calibration))
 
 
 def _files(arguments: argparse.Namespace) -> tuple[Path, ...]:

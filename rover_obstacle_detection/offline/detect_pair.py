@@ -87,7 +87,12 @@ def detect_pair(
     stereo = calibration.calibration(lambda: (width, height), str(left))
     camera = stereo.camera
     if raw:
-        left_image, right_image = StereoRectification(stereo)(left_image, right_image)
+        rectification = StereoRectification(stereo)
+        if not rectification.is_needed:
+            _logger.warning(
+                '--raw: no distortion or rotation in %s: nothing is rectified', stereo.source
+            )
+        left_image, right_image = rectification(left_image, right_image)
     elif needs_rectification(stereo.left) or needs_rectification(stereo.right):
         _logger.warning(
             'a lens distortion or rotation is in %s, but the images are taken as rectified; give '
@@ -107,6 +112,7 @@ def detect_pair(
             {
                 **preamble('detect', config),
                 'images': dict(zip(('left', 'right'), names, strict=True)),
+                'calibration': stereo.source,
                 'camera': asdict(camera),
                 **FrameSummary.of(detection).as_json(),
                 'warnings': list(detection.warnings),

@@ -191,6 +191,7 @@ class _Run:
             bag=str(bag.path),
             notes=bag.notes,
             topics=self._topics,
+            calibration=pairs.calibration_source,
             cameras=tuple(self._cameras),
             config=self._options.config,
             statistics=statistics,

@@ -221,7 +221,7 @@ def _inputs(summary: ReplaySummary, command_line: str) -> TableBlock:
         ('last frame', f'{_moment(last)}, {(last - first) / _NANOSECONDS:.2f} s later'),
         ('left images', f'{statistics.left}, {topics.left_image}'),
         ('right images', f'{statistics.right}, {topics.right_image}'),
-        ('camera_info', f'{topics.left_info or "-"}, {topics.right_info or "-"}'),
+        ('calibration', summary.calibration),
         (
             'pairs',
             f'{statistics.pairs}; unmatched {statistics.unmatched_left} left, '

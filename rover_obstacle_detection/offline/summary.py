@@ -135,13 +135,15 @@ class ReplayFrame:
 class ReplaySummary:
     """The replay of one recording.
 
-    `notes` describe damage to a salvaged recording. `expected` is the number of pairs by the
+    `notes` describe damage to a salvaged recording. `calibration` names the source of the
+    calibration. `expected` is the number of pairs by the
     message counts; `interrupted` says whether some of them may be missing.
     """
 
     bag: str
     notes: tuple[str, ...]
     topics: StereoTopics
+    calibration: str
     cameras: tuple[StereoCamera, ...]
     config: DetectorConfig
     statistics: PairingStatistics
@@ -185,6 +187,7 @@ class ReplaySummary:
             'notes': list(self.notes),
             'interrupted': self.interrupted,
             'topics': dataclasses.asdict(self.topics),
+            'calibration': self.calibration,
             'cameras': [dataclasses.asdict(camera) for camera in self.cameras],
             'counts': {
                 'left_images': statistics.left,

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -122,7 +123,7 @@ def test_two_files_of_opencv_complete_each_other(tmp_path):
     intrinsics = opencv_file(tmp_path / 'intrinsics.yml', M1=K1, D1=D1, M2=K2, D2=D2)
     extrinsics = opencv_file(tmp_path / 'extrinsics.yml', R=R, T=T)
     assert_is_the_camera(load(intrinsics, extrinsics))
-    with pytest.raises(CameraError, match=r'extrinsics\.yml: lacks K1, K2: expected'):
+    with pytest.raises(CameraError, match=r'extrinsics\.yml: lacks K1, D1, K2, D2: expected'):
         load(extrinsics)
 
 
@@ -133,8 +134,71 @@ def test_opencv_projections_alone_are_of_rectified_images(tmp_path):
     assert calibration.left.d == ()
 
 
+def load_parts(*files):
+    return CalibrationRequest(files, are_parts=True).calibration(lambda: SIZE, 'left.png')
+
+
+def test_parts_of_a_calibration_complete_each_other(tmp_path):
+    intrinsics = opencv_file(tmp_path / 'intrinsics.yml', M1=K1, D1=D1, M2=K2, D2=D2)
+    extrinsics = opencv_file(tmp_path / 'extrinsics.yml', R=R, T=T)
+    assert_is_the_camera(load_parts(intrinsics, extrinsics))
+    both = opencv_file(tmp_path / 'both.yml', M1=K1, D1=D1, M2=K2, D2=2 * D2, R=R, T=T)
+    with pytest.raises(CameraError, match=r'intrinsics\.yml and .*both\.yml: differ in D2: expec'):
+        load_parts(intrinsics, both)
+    chain = text_file(tmp_path / 'camchain.yaml', CHAIN)
+    for files in ((intrinsics, chain), (chain, chain)):
+        with pytest.raises(
+            CameraError, match=r'camchain\.yaml: is a Kalibr calibration and one of'
+        ):
+            load_parts(*files)
+    assert_is_the_camera(load_parts(chain))
+
+
+def test_a_request_is_repeated_with_the_options_that_gave_it():
+    a, b = Path('a.yml'), Path('b.yml')
+    parts = CalibrationRequest((a, b), are_parts=True)
+    assert parts.arguments() == ['--calibration', 'a.yml', '--calibration', 'b.yml']
+    assert CalibrationRequest((a,)).arguments() == ['--calibration', 'a.yml']
+    sides = CalibrationRequest((a, b), CameraNumbers(fx=5.0)).arguments()
+    assert sides == ['--left-info', 'a.yml', '--right-info', 'b.yml', '--fx', '5.0']
+
+
+@pytest.mark.parametrize(
+    ('others', 'lacking'),
+    [
+        ({'K1': K1, 'K2': K2, 'R': R, 'T': T, 'distortion_1': D1}, 'D1, D2'),
+        ({'P1': P1, 'P2': P2, 'K1': K1, 'K2': K2, 'R': R, 'T': T}, 'D1, D2'),
+        ({'P1': P1, 'P2': P2, 'K1': K1, 'K2': K2, 'D1': D1, 'D2': D2}, 'R, T'),
+        ({'P1': P1, 'P2': P2, 'R1': R, 'R2': R, 'R': R, 'T': T}, 'K1, D1, K2, D2'),
+    ],
+)
+def test_no_part_of_opencv_calibration_is_taken_as_absent(tmp_path, others, lacking):
+    with pytest.raises(CameraError, match=f': lacks {lacking}: expected K1'):
+        load(opencv_file(tmp_path / 'stereo.yml', **others))
+
+
+def test_opencv_rectification_is_computed_without_both_rotations(tmp_path):
+    intrinsic = {'K1': K1, 'D1': D1, 'K2': K2, 'D2': D2, 'R': R, 'T': T}
+    assert_is_the_camera(load(opencv_file(tmp_path / 'stereo.yml', **intrinsic, P1=P1, P2=P2)))
+
+
+def test_opencv_fisheye_is_named_in_the_file(tmp_path):
+    intrinsic = {'K1': K1, 'D1': D1[:4], 'K2': K2, 'D2': D2[:4], 'R': R, 'T': T}
+    path = opencv_file(tmp_path / 'stereo.yml', **intrinsic, distortion_model='fisheye')
+    assert load(path).left.distortion_model == 'equidistant'
+
+
 def test_kalibr_camera_chain_is_rectified(tmp_path):
     assert_is_the_camera(load(text_file(tmp_path / 'camchain.yaml', CHAIN)))
+
+
+def test_the_distortion_model_is_that_of_ros(tmp_path):
+    left = load(text_file(tmp_path / 'camchain.yaml', CHAIN)).left
+    assert (left.distortion_model, left.d) == ('plumb_bob', (-0.1, 0.02, 0.001, 0, 0))
+    intrinsic = {'K1': K1, 'D1': D1, 'K2': K2, 'D2': np.r_[D2, 0.01, 0, 0], 'R': R, 'T': T}
+    found = load(opencv_file(tmp_path / 'stereo.yml', **intrinsic))
+    assert (found.left.distortion_model, found.left.d) == ('plumb_bob', tuple(D1))
+    assert (found.right.distortion_model, len(found.right.d)) == ('rational_polynomial', 8)
 
 
 def test_kalibr_fisheye_is_rectified(tmp_path):
@@ -170,6 +234,16 @@ def test_euroc_sensors_are_rectified(tmp_path):
     assert_is_the_camera(load(*files))
 
 
+def test_exchanged_sensors_of_euroc_are_named(tmp_path):
+    poses = np.eye(4), np.eye(4)
+    poses[0][0, 3] = 0.1
+    texts = [SENSOR.replace('POSE', str(pose.ravel().tolist())) for pose in poses]
+    files = [text_file(tmp_path / f'{n}.yaml', text) for n, text in enumerate(texts)]
+    with pytest.raises(CameraError, match='the second sensor lies left of the first sensor: exp'):
+        load(*files)
+    assert load(*reversed(files)).camera.baseline_m == pytest.approx(0.1)
+
+
 def test_kitti_has_a_grey_and_a_colour_pair(tmp_path):
     path = text_file(tmp_path / 'calib.txt', KITTI)
     grey = load(path, size=(1226, 370)).camera
@@ -200,6 +274,9 @@ def test_numbers_replace_those_of_any_file(tmp_path):
     ('name', 'text', 'words'),
     [
         ('chain.yaml', CHAIN.replace('cam1', 'cam2'), 'cam1 is missing: expected cam0 and cam1'),
+        ('chain.yaml', 'cam0: 3', 'cam0 is 3: expected intrinsics, resolution, ...'),
+        ('chain.yaml', f'cam0: {[1] * 999}', 'cam0 is [1, 1, 1, 1, 1, 1, ...]: expected'),
+        ('chain.yaml', CHAIN.replace(', -0.12]', ', 0.12]'), 'cam1 lies left of cam0: expected '),
         ('chain.yaml', CHAIN.replace('500.0, 501', '501'), 'cam0: intrinsics has 3 numbers: exp'),
         ('chain.yaml', CHAIN.replace('pinhole', 'omni'), "cam0: camera_model is 'omni': expected"),
         ('chain.yaml', CHAIN.replace('T_cn', 'T_no'), 'cam1: T_cn_cnm1 is missing: expected 16'),
@@ -219,9 +296,9 @@ def test_numbers_replace_those_of_any_file(tmp_path):
         (
             'stereo.yml',
             '%YAML:1.0\n---\nK1: 3\n',
-            'lacks K2, R, T: expected K1 (or M1), D1, K2',
+            'lacks D1, K2, D2, R, T: expected K1 (or M1), D1, K2',
         ),
-        ('stereo.yml', '%YAML:1.0\n---\nK1: !!opencv-matrix\n   rows: 3\n', 'lacks K2'),
+        ('stereo.yml', '%YAML:1.0\n---\nK1: !!opencv-matrix\n   rows: 3\n', 'lacks D1, K2'),
         ('stereo.yml', '%YAML:1.0\n---\nK1: [1, 2\n', 'cv2.FileStorage: '),
         (
             'stereo.xml',

@@ -6,14 +6,19 @@ import pytest
 from rover_obstacle_detection.calibration_files.numbers import CameraNumbers, rectified_camera
 from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.errors import CameraError
+from rover_obstacle_detection.messages.rectification import StereoRectification
 
 LEFT = rectified_camera((640, 480), (400, 0, 310, 0, 0, 410, 230, 0, 0, 0, 1, 0))
 RIGHT = rectified_camera((640, 480), (400, 0, 305, -48, 0, 410, 230, 0, 0, 0, 1, 0))
 
 
-def camera(numbers, recorded=None):
+def calibration(numbers, recorded=None):
     request = CalibrationRequest(numbers=CameraNumbers(**numbers))
-    return request.calibration(lambda: (640, 480), 'left.png', recorded).camera
+    return request.calibration(lambda: (640, 480), 'left.png', recorded)
+
+
+def camera(numbers, recorded=None):
+    return calibration(numbers, recorded).camera
 
 
 def test_numbers_give_a_camera_with_its_centre_in_the_image():
@@ -60,6 +65,19 @@ def test_numbers_are_those_of_cropped_and_binned_images():
     assert camera({'hfov_deg': 90.0}, lambda: (infos, 'topics')).fx == pytest.approx(100)
 
 
+@pytest.mark.parametrize('numbers', [{'fx': 480.0}, {'hfov_deg': 90.0}, {'cx': 300.0, 'cy': 9.0}])
+def test_images_that_are_rectified_stay_as_they_are(numbers):
+    found = calibration(numbers, lambda: ((LEFT, RIGHT), 'topics'))
+    assert not StereoRectification(found).is_needed
+
+
+def test_a_lens_keeps_its_focal_length():
+    bent = replace(LEFT, d=(-0.1, 0.0, 0.0, 0.0, 0.0))
+    found = calibration({'fx': 480.0}, lambda: ((bent, RIGHT), 'topics'))
+    assert (found.left.k, found.left.d, found.left.p[0]) == (LEFT.k, bent.d, 480)
+    assert (found.right.k, found.right.p[0]) == (RIGHT.k, 480)
+
+
 def test_a_missing_baseline_is_filled_in():
     right = replace(RIGHT, p=LEFT.p)
     assert camera({'baseline_m': 0.3}, lambda: ((LEFT, right), 'topics')).baseline_m == 0.3
@@ -71,7 +89,10 @@ def test_a_missing_baseline_is_filled_in():
         ({}, 'lacks fx (or hfov) and baseline: expected --fx or --hfov, --baseline, or'),
         ({'fx': 500.0, 'cx': 3.0}, 'lacks baseline: expected --baseline, or --calibration'),
         ({'baseline_m': 0.1}, 'lacks fx (or hfov): expected'),
-        ({'fx': 500.0, 'baseline_m': 60.0}, '--fx 500 --baseline 60: the baseline is 60 m'),
+        (
+            {'fx': 500.0, 'baseline_m': 60.0},
+            '--fx 500 --baseline 60: the baseline is 60 m: expected',
+        ),
         ({'hfov_deg': 190.0, 'baseline_m': 0.1}, '--hfov 190: hfov is 190 degrees: expected 0.5'),
         ({'fx': 500.0, 'cx': 9e9, 'baseline_m': 0.1}, 'off the optical axis'),
     ],

@@ -61,6 +61,7 @@ def test_files_and_table_match_the_detection(files, capsys):
     assert listed['confidence'] == pytest.approx(largest.confidence)
     assert listed['kind'] == largest.kind == 'rock'
     assert summary['obstacle_kinds'] == {'rock': len(detection.obstacles)}
+    assert summary['calibration'] == f'{files}/left.yaml and {files}/right.yaml'
     assert summary['camera']['fx'] == pytest.approx(CAMERA.fx)
     assert summary['stage_ms']
     documentation = (Path(__file__).parents[2] / 'docs' / 'replay.md').read_text()
@@ -119,6 +120,16 @@ def test_distortion_is_named_and_raw_images_are_rectified(files, capsys):
     assert np.array_equal(mask, Detector(CAMERA).detect(*rectified).mask)
 
 
+def test_raw_without_a_distortion_is_a_warning(files, capsys):
+    assert _detect(files, '--raw') == 0
+    warning = (
+        '--raw: no distortion or rotation in {0}/left.yaml and {0}/right.yaml: nothing is rec'
+    )
+    assert warning.format(files) in capsys.readouterr().err
+    _detect_with(files, '--fx', CAMERA.fx, '--baseline', CAMERA.baseline_m, '--raw', '--force')
+    assert '--raw: no distortion or rotation in --fx 207' in capsys.readouterr().err
+
+
 def _detect_with(folder, *options):
     images = [str(folder / f'{side}.png') for side in ('left', 'right')]
     assert main(['detect', *images, '-o', str(folder / 'out'), *map(str, options)]) == 0
@@ -147,6 +158,13 @@ def test_a_file_of_another_tool_is_as_good_as_two_of_ros(files):
     mask, camera = _detect_with(files, '--calibration', _kitti(files))
     assert camera == pytest.approx(asdict(CAMERA))
     assert np.array_equal(mask, Detector(CAMERA).detect(*stereo_images()).mask)
+
+
+def test_calibrations_of_both_cameras_are_not_mixed(files, capsys):
+    twice = ['--calibration', str(_kitti(files))] * 2
+    images = [str(files / f'{side}.png') for side in ('left', 'right')]
+    assert main(['detect', *images, '-o', str(files / 'out'), *twice]) == 1
+    assert 'calib.txt: is a KITTI calibration and one of two files' in capsys.readouterr().err
 
 
 def test_raw_images_are_rectified_with_a_file_of_opencv(files, capsys):

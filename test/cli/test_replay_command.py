@@ -375,8 +375,56 @@ def test_both_views_may_be_side_by_side(tmp_path, replayed, capsys):
 def test_a_number_replaces_that_of_the_recording(tmp_path, bag):
     arguments = ['--duration', '0.05', '--baseline', '0.13']
     assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *arguments]) == 0
-    (camera,) = _summary(tmp_path / 'out')['cameras']
+    summary = _summary(tmp_path / 'out')
+    (camera,) = summary['cameras']
+    topics = '/cam/left/camera_info and /cam/right/camera_info'
+    assert summary['calibration'] == f'--baseline 0.13, {topics}'
     assert (camera['fx'], camera['baseline_m']) == pytest.approx((CAMERA.fx, 0.13))
+
+
+def test_a_wrong_focal_length_of_raw_images_is_corrected(tmp_path):
+    def change(side, info):
+        info.k[0] = info.k[4] = info.p[0] = info.p[5] = 0.75 * CAMERA.fx
+        info.p[3] *= 0.75
+
+    raw = write_stereo_bag(tmp_path / 'raw', pairs=1, name='image_raw', change_info=change)
+    numbers = [f'--fx={CAMERA.fx}', f'--baseline={CAMERA.baseline_m}']
+    heights = []
+    for options in (numbers[:1], numbers):
+        assert main(['replay', str(raw), '-o', str(tmp_path / 'out'), '--force', *options]) == 0
+        heights.append(_summary(tmp_path / 'out')['frames'][0]['camera_height_m'])
+    assert heights[0] == pytest.approx(heights[1])
+
+
+@pytest.mark.parametrize(
+    ('name', 'changed', 'options', 'warns'),
+    [
+        ('image_raw', {'d': -0.2}, ['fx', 'baseline'], True),
+        ('image_raw', {'d': -0.2}, ['baseline'], False),
+        ('image_raw', {}, ['fx', 'baseline'], False),
+        ('image_raw', {'d': 0, 'k': 0, 'r': 0, 'p': 0}, ['fx', 'baseline'], False),
+        ('image_rect', {'d': -0.2}, ['fx', 'baseline'], False),
+    ],
+)
+def test_numbers_that_replace_a_distortion_are_a_warning(
+    tmp_path, capsys, name, changed, options, warns
+):
+    def change(side, info):
+        for matrix, value in changed.items():
+            if matrix == 'd':
+                info.d = np.array([value, 0, 0, 0, 0], np.float64)
+            else:
+                getattr(info, matrix)[:] = value
+
+    bag = write_stereo_bag(tmp_path / 'bag', pairs=1, name=name, change_info=change)
+    numbers = {'fx': CAMERA.fx, 'baseline': CAMERA.baseline_m}
+    arguments = [f'--{each}={numbers[each]}' for each in options]
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out'), *arguments]) == 0
+    warning = (
+        'a lens distortion or rotation is in /cam/left/camera_info and /cam/right/camera_info, '
+        f'which --fx {CAMERA.fx:g} --baseline {CAMERA.baseline_m:g} replaces: the images are taken'
+    )
+    assert (warning in capsys.readouterr().err) == warns
 
 
 def test_existing_output_needs_force(bag, tmp_path, capsys):

@@ -115,7 +115,7 @@ def test_the_page_says_what_was_replayed(page: Parsed) -> None:
         'command line rover-obstacles replay',
         '--report --set max_step=0.12 --set camera_pitch=1',
         'left images 3, /cam/left/image_rect',
-        '/cam/left/camera_info, /cam/right/camera_info',
+        'calibration /cam/left/camera_info and /cam/right/camera_info',
         'camera 320 x 240 px',
         'first frame 1700000000.000 s (2023-11-14 22:13:20 UTC)',
         'max_step 0.12 0.1',

@@ -109,6 +109,25 @@ def test_distortion_and_rotation_of_the_calibration_are_kept(tmp_path, capsys):
     assert right.r == pytest.approx(tuple(right_r.ravel()), abs=0.005)
 
 
+def test_a_calibration_of_kalibr_is_written_as_one_of_ros(tmp_path):
+    def camera(name, pose):
+        return (
+            f'{name}: {{resolution: [320, 240], distortion_model: radtan, '
+            'distortion_coeffs: [0.001, 0, 0, 0], '
+            f'intrinsics: [{CAMERA.fx}, {CAMERA.fy}, {CAMERA.cx}, {CAMERA.cy}]{pose}}}\n'
+        )
+
+    pose = f'[[1, 0, 0, {-CAMERA.baseline_m}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]'
+    chain = tmp_path / 'camchain.yaml'
+    chain.write_text(camera('cam0', '') + camera('cam1', f', T_cn_cnm1: {pose}'))
+    bag = write(tmp_path, [(1.4, 0.0)] * 3, infos=False)
+    run(bag, tmp_path / 'corrected', '--calibration', str(chain))
+    for side in ('left', 'right'):
+        text = (tmp_path / 'corrected' / f'{side}.yaml').read_text()
+        assert 'distortion_model: plumb_bob\n' in text
+        assert 'cols: 5\n  data: [0.001, 0.0, 0.0, 0.0, 0.0]' in text
+
+
 def test_the_command_uses_the_files_for_raw_images(tmp_path, capsys, monkeypatch):
     bag = write(tmp_path, [(2.0, 0.1)] * 3)
     monkeypatch.chdir(tmp_path)

@@ -34,6 +34,7 @@ SUMMARY = ReplaySummary(
     bag='/data/traverse_2026_11_29_morning_run_3.mcap',
     notes=(),
     topics=StereoTopics(LEFT, LEFT.replace('left', 'right')),
+    calibration='left.yaml and right.yaml',
     cameras=(),
     config=DetectorConfig(),
     statistics=PairingStatistics(12000, 12000, 11900, 100, 100, 0, 0, 3_400_000),

@@ -371,8 +371,7 @@ REPLAY_ROWS = (
     Row(
         REPLAY,
         'a baseline in centimetres',
-        'the baseline is N m (-P_right[3] / P_right[0]): expected 0.001 to 5 m; is it in another '
-        'unit?',
+        'the baseline is N m: expected 0.001 to 5 m; is it in another unit?',
         recorded.projection(p3=-3326.0),
     ),
     Row(

@@ -107,8 +107,8 @@ class StereoCamera:
     def _check_stereo(self) -> None:
         if not MIN_BASELINE_M <= self.baseline_m <= MAX_BASELINE_M:
             raise CameraError(
-                f'the baseline is {self.baseline_m:g} m (-P_right[3] / P_right[0]): expected '
-                f'{MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m; is it in another unit?'
+                f'the baseline is {self.baseline_m:g} m: expected {MIN_BASELINE_M:g} to '
+                f'{MAX_BASELINE_M:g} m; is it in another unit?'
             )
         if abs(self.disparity_offset) > MAX_OFFSET_SHARE * self.width:
             raise CameraError(
