@@ -214,7 +214,7 @@ def test_parallel_cameras_are_not_turned(tmp_path, model, fx):
     text = re.sub(r'distortion_coeffs: .*', 'distortion_coeffs: [0, 0, 0, 0]', text)
     text = re.sub(r'(?<=T_cn_cnm1:\n)(  - .*\n){4}', PARALLEL, text)
     calibration = load(text_file(tmp_path / 'camchain.yaml', text))
-    assert calibration.camera.fx == pytest.approx(fx, rel=0.01)
+    assert calibration.camera.fx == pytest.approx(fx, rel=0.02)
     assert calibration.camera.baseline_m == pytest.approx(0.2)
     assert calibration.left.r == pytest.approx(np.eye(3).ravel())
 

@@ -159,7 +159,7 @@ def test_the_command_replays_cameras_that_need_a_tolerance(tmp_path, capsys, mon
     ],
 )
 def test_wrong_cameras_cannot_be_replayed(tmp_path, capsys, images, words):
-    bag = write_stereo_bag(tmp_path / 'drive', images=images)
+    bag = write_stereo_bag(tmp_path / 'drive', pairs=1, images=images)
     assert words in inspect(capsys, bag, status=1)
 
 

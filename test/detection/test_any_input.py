@@ -11,7 +11,7 @@ from rover_obstacle_detection.detection.config import METHODS
 
 
 @settings(
-    max_examples=40,
+    max_examples=30,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
