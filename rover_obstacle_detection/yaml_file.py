@@ -30,6 +30,18 @@ def read_yaml(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -
     error_type : type
         The error to raise; its message starts with the path.
     """
+    data = read_small_file(path, kind, error_type)
+    try:
+        return parse_yaml(data.decode())
+    except UnicodeDecodeError:
+        problem = 'expected UTF-8 text'
+    except ValueError as error:
+        problem = str(error)
+    raise error_type(f'{path}: is not valid YAML: {problem}')
+
+
+def read_small_file(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -> bytes:
+    """Read a file of at most `MAX_BYTES`; see `read_yaml`."""
     try:
         with path.open('rb') as file:
             data = file.read(MAX_BYTES + 1)
@@ -39,13 +51,7 @@ def read_yaml(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -
         raise error_type(f'{path}: cannot be read: {error.strerror}') from None
     if len(data) > MAX_BYTES:
         raise error_type(f'{path}: has more than {MAX_BYTES} bytes: expected a {kind}')
-    try:
-        return parse_yaml(data.decode())
-    except UnicodeDecodeError:
-        problem = 'expected UTF-8 text'
-    except ValueError as error:
-        problem = str(error)
-    raise error_type(f'{path}: is not valid YAML: {problem}')
+    return data
 
 
 def parse_yaml(text: str) -> object:
