@@ -10,7 +10,7 @@ from rover_obstacle_detection.calibration_files import kalibr, kitti, opencv
 from rover_obstacle_detection.calibration_files.numbers import Cameras, Size
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, load_camera_info
-from rover_obstacle_detection.yaml_file import MAX_BYTES, read_yaml
+from rover_obstacle_detection.yaml_file import read_small_file, read_yaml
 
 ROS, KALIBR, EUROC, OPENCV, KITTI = 'ROS', 'Kalibr', 'EuRoC', 'OpenCV', 'KITTI'
 _KIND = 'calibration file'
@@ -72,7 +72,7 @@ def load_cameras(
 
 
 def _recognise(path: Path) -> _File:
-    text = _text(path)
+    text = read_small_file(path, _KIND, CameraError).decode(errors='replace')
     start = text.lstrip('\ufeff \t\r\n')
     if start.startswith(('%YAML:', '<?xml', '<opencv_storage')) or '!!opencv-matrix' in text:
         return _File(path, OPENCV, _named([path], lambda: opencv.read_storage(text)))
@@ -87,19 +87,6 @@ def _recognise(path: Path) -> _File:
         f'{path}: is not a calibration: expected a ROS (image_width, ...), Kalibr (cam0, cam1), '
         'OpenCV (K1, D1, K2, D2, R, T), EuRoC (T_BS, ...) or KITTI (P0, P1, ...) file'
     )
-
-
-def _text(path: Path) -> str:
-    try:
-        with path.open('rb') as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise CameraError(f'{path}: no such {_KIND}') from None
-    except OSError as error:
-        raise CameraError(f'{path}: cannot be read: {error.strerror}') from None
-    if len(data) > MAX_BYTES:
-        raise CameraError(f'{path}: has more than {MAX_BYTES} bytes: expected a {_KIND}')
-    return data.decode(errors='replace')
 
 
 def _check_parts(one: _File, other: _File) -> None:
