@@ -52,7 +52,10 @@ def projections(text: str, size: Callable[[], Size], *, colour: bool) -> Cameras
     )
     if p_left[0, 0] <= 0 or p_left[1, 1] <= 0:
         raise CameraError(f'{prefix}{left} has a focal length of {p_left[0, 0]:g}: expected more')
-    moved = np.linalg.solve(p_left[:, :3], p_right[:, 3] - p_left[:, 3])
+    try:
+        moved = np.linalg.solve(p_left[:, :3], p_right[:, 3] - p_left[:, 3])
+    except np.linalg.LinAlgError:
+        raise CameraError('the left P has no inverse: expected a projection matrix') from None
     if np.abs(moved[1:]).max() > _MAX_OFF_ROW * abs(moved[0]):
         raise CameraError(
             f'{prefix}{right} moves the camera by {moved.round(4).tolist()} m: expected along x'
