@@ -91,13 +91,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         check_output_file(options.output, force=True)
         teacher = OutlineModel(options.teacher.read_bytes()) if options.teacher else None
         training, unseen = (
-            given_bags(options.bags, teacher)
-            if options.bags
-            else suites(teacher, cached_only=options.cached_only)
+            given_bags(options.bags) if options.bags else suites(cached_only=options.cached_only)
         )
         if not training:
             sys.exit('error: nothing to train on')
-        net = train(training, options.steps, options.minutes)
+        net = train(training, options.steps, options.minutes, teacher)
         model = write_model(net, options.output)
     except (ObstacleDetectionError, OSError) as error:
         sys.exit(f'error: {error}')
@@ -108,9 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
 
 
-def suites(
-    teacher: OutlineModel | None = None, *, cached_only: bool = False
-) -> tuple[list[Example], dict[str, list[Example]]]:
+def suites(*, cached_only: bool = False) -> tuple[list[Example], dict[str, list[Example]]]:
     """Examples of the suites: to train on, and by name to report on."""
 
     def bags(suite: str, is_chosen: Callable[[str], bool]) -> Iterator[Path]:
@@ -122,7 +118,7 @@ def suites(
     training = chain.from_iterable(
         bags(suite, lambda scene: not is_held_out(scene)) for suite in SUITES
     )
-    return examples_of_bags(training, teacher), {
+    return examples_of_bags(training), {
         f'held-out scenes of {suite}': examples_of_bags(bags(suite, is_held_out))
         for suite in SUITES
     } | {
@@ -132,14 +128,12 @@ def suites(
     }
 
 
-def given_bags(
-    paths: Sequence[Path], teacher: OutlineModel | None = None
-) -> tuple[list[Example], dict[str, list[Example]]]:
+def given_bags(paths: Sequence[Path]) -> tuple[list[Example], dict[str, list[Example]]]:
     """Examples of bags, likewise; fewer than ten bags are all trained on."""
     held_out = paths[HELD_OUT_BAG - 1 :: HELD_OUT_BAG]
     training = [path for path in paths if path not in held_out]
     unseen = {'held-out bags': examples_of_bags(held_out)} if held_out else {}
-    return examples_of_bags(training, teacher), unseen
+    return examples_of_bags(training), unseen
 
 
 if __name__ == '__main__':

@@ -47,15 +47,15 @@ def random_crop(
     Returns
     -------
     features : Tensor of float32, shape (features, CROP_PX, CROP_PX)
-    target, counted : Tensor of float32, shape (CROP_PX, CROP_PX)
-        At least 0.5 on rocks, less elsewhere; and 1 where the loss counts.
+    rock, counted : Tensor of float32, shape (CROP_PX, CROP_PX)
+        1 on rocks; and 1 where the labels count.
     """
     window, size = random_window(example, generator)
     features = example.features[window].float()[None]
-    targets = torch.stack((example.target[window], example.counted[window].half())).float()[None]
+    labels = torch.stack((example.rock[window], example.counted[window])).float()[None]
     if size != CROP_PX:
         features = functional.interpolate(features, (CROP_PX, CROP_PX), mode='bilinear')
-        targets = functional.interpolate(targets, (CROP_PX, CROP_PX), mode='nearest')
+        labels = functional.interpolate(labels, (CROP_PX, CROP_PX), mode='nearest')
         features[:, MEASURED] = (features[:, MEASURED] > 0.5).float()
         # The definition of this feature has the same logarithm over the same number.
         features[:, SCALE] += math.log(CROP_PX / size) / 3
@@ -64,10 +64,10 @@ def random_crop(
     if generator.random() < _WITHOUT_3D_ON_A_SIDE:
         hide_a_side(features, generator)
     if generator.random() < _SHADED:
-        shade(features, targets[0, 0], generator)
+        shade(features, labels[0, 0], generator)
     if generator.random() < _MIRRORED:
-        features, targets = features.flip(-1), targets.flip(-1)
-    return features[0], targets[0, 0], targets[0, 1]
+        features, labels = features.flip(-1), labels.flip(-1)
+    return features[0], labels[0, 0], labels[0, 1]
 
 
 def random_window(
@@ -131,7 +131,7 @@ def hide_a_side(features: torch.Tensor, generator: np.random.Generator) -> None:
     features[:, (MEASURED, *PARALLAX_FEATURES)] *= (columns >= border).float()
 
 
-def shade(features: torch.Tensor, target: torch.Tensor, generator: np.random.Generator) -> None:
+def shade(features: torch.Tensor, rock: torch.Tensor, generator: np.random.Generator) -> None:
     """Make a strip, a half or a corner darker or brighter, like a shadow or a wheel track.
 
     In half of the cases rocks keep their grey level.
@@ -147,7 +147,7 @@ def shade(features: torch.Tensor, target: torch.Tensor, generator: np.random.Gen
         cut = columns * math.cos(angle) + rows * math.sin(angle)
         inside &= cut + generator.normal(0, 0.3 * CROP_PX) > 0
     if generator.random() < 0.5:
-        inside &= ~(target.numpy() >= 0.5)
+        inside &= ~(rock.numpy() > 0)
     share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), generator.uniform(0.5, 3))
     dark = generator.random() < 0.75
     level = -generator.uniform(0.3, 1.6) if dark else generator.uniform(0.2, 0.9)

@@ -23,7 +23,6 @@ from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.result.enlarged import resized
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
-from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
@@ -34,7 +33,6 @@ from rover_obstacle_detection.simulation.cache import cache_folder, cached_bag, 
 from rover_obstacle_detection.simulation.suite import load_suite
 
 _PLACES_PER_PART = 40
-_TEACHER_WEIGHT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +44,6 @@ class Example:
     features : Tensor of float16, shape (features, height, width)
     rock : Tensor of bool, shape (height, width)
         Pixels labelled as rock.
-    target : Tensor of float16, shape (height, width)
-        Probability of rock that is trained for: at least 0.5 on rocks, less elsewhere.
     counted : Tensor of bool, shape (height, width)
         Pixels labelled as rock or as free. The detector finds slopes and drops by other means, so
         its output there does not matter.
@@ -57,7 +53,6 @@ class Example:
 
     features: torch.Tensor
     rock: torch.Tensor
-    target: torch.Tensor
     counted: torch.Tensor
     places: NDArray[np.intp]
 
@@ -86,14 +81,12 @@ def bags_of_suite(
             yield simulated_bag(scene, folder)
 
 
-def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None) -> list[Example]:
+def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
     """Make examples of all labelled frames of recordings, and name the frames that are skipped.
 
     Parameters
     ----------
     paths : iterable of Path
-    teacher : OutlineModel, optional
-        A model to learn from, besides the labels.
 
     Raises
     ------
@@ -112,7 +105,7 @@ def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None)
                     continue
                 has_labels = True
                 try:
-                    examples.append(example_of(frame, teacher))
+                    examples.append(example_of(frame))
                 except UnjudgeablePairError as error:
                     print(f'skipped: {path}: {error}', file=sys.stderr)
         if not has_labels:
@@ -121,7 +114,7 @@ def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None)
     return examples
 
 
-def example_of(frame: LabelledFrame, teacher: OutlineModel | None = None) -> Example:
+def example_of(frame: LabelledFrame) -> Example:
     """Compute a frame's features as the detector does where gravity is not known.
 
     Raises
@@ -138,15 +131,9 @@ def example_of(frame: LabelledFrame, teacher: OutlineModel | None = None) -> Exa
     )
     labels = straightened_labels(frame.labels, measured.frame.camera, measured.correction)
     rock = labels == ROCK
-    target = rock.astype(np.float16)
-    if teacher:
-        # Below 1, so that the target is below 0.5 beside rocks.
-        taught = np.minimum(teacher.probability(features), np.float32(0.99))
-        target = ((1 - _TEACHER_WEIGHT) * rock + _TEACHER_WEIGHT * taught).astype(np.float16)
     return Example(
         torch.from_numpy(features.astype(np.float16)),
         torch.from_numpy(rock),
-        torch.from_numpy(target),
         torch.from_numpy(rock | (labels == FREE)),
         even_places(rock | (standing.parts > 0)),
     )

@@ -7,7 +7,7 @@ from torch import nn
 
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES
 
-FINE, MIDDLE, COARSE = 24, 32, 48
+FINE, MIDDLE, COARSE = 32, 48, 64
 """Channels at a quarter, an eighth and a sixteenth of the resolution."""
 
 SIDE_PX = 4

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from torch.optim.swa_utils import AveragedModel
 from outline_training.crops import random_crop
 from outline_training.examples import Example
 from outline_training.network import SIDE_PX, OutlineNet
+from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 
 _BATCH = 10
 _PEAK_RATE, _LEAST_RATE = 3e-3, 1e-5
@@ -24,6 +26,7 @@ _WEIGHT_DECAY = 1e-2
 _AVERAGING = 0.999
 """Decay of the running mean of the weights: about the last thousand steps count."""
 
+_TEACHER_WEIGHT = 0.7
 _IOU_WEIGHT = 0.5
 _SPECK_PX = 50
 """Pixels, of a crop's 25,600, below which a rock counts less."""
@@ -31,8 +34,30 @@ _SPECK_PX = 50
 _REPORTED_EVERY = 100
 
 
+class Batch(NamedTuple):
+    """What one step of the training learns from.
+
+    Parameters
+    ----------
+    features : Tensor of float32, shape (n, features, height, width)
+    rock, counted : Tensor of float32, shape (n, height, width)
+        1 on rocks; and 1 where the labels count.
+    taught : Tensor of float32, shape (n, height, width), or None
+        The teacher's probability of rock.
+    """
+
+    features: torch.Tensor
+    rock: torch.Tensor
+    counted: torch.Tensor
+    taught: torch.Tensor | None = None
+
+
 def train(
-    examples: Sequence[Example], steps: int, minutes: float = math.inf, seed: int = 0
+    examples: Sequence[Example],
+    steps: int,
+    minutes: float = math.inf,
+    teacher: OutlineModel | None = None,
+    seed: int = 0,
 ) -> OutlineNet:
     """Minimise the loss of random crops by AdamW, and return the running mean of the weights.
 
@@ -43,6 +68,9 @@ def train(
     minutes : float
         The training ends after this time if the steps take longer. The learning rate falls in
         time for whichever comes first.
+    teacher : OutlineModel, optional
+        A model to learn from, besides the labels. It sees the same varied crops (Beyer et al.
+        2022).
     seed : int
         The same seed gives the same weights on the same machine, unless time runs out.
     """
@@ -54,16 +82,16 @@ def train(
     began = time.monotonic()
     # The next batch is cut while the network learns from this one.
     with ThreadPoolExecutor(1) as pool:
-        batch = pool.submit(random_batch, examples, generator)
+        batch = pool.submit(random_batch, examples, generator, teacher)
         for step in range(steps):
             passed = (time.monotonic() - began) / 60 / minutes
             if passed >= 1:
                 break
             for group in optimizer.param_groups:
                 group['lr'] = learning_rate(step, max(step / steps, passed))
-            features, target, counted = batch.result()
-            batch = pool.submit(random_batch, examples, generator)
-            loss = loss_of(pixel_logits(net, features), target, counted)
+            now = batch.result()
+            batch = pool.submit(random_batch, examples, generator, teacher)
+            loss = loss_of(pixel_logits(net, now.features), now)
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
@@ -80,14 +108,19 @@ def train(
 
 
 def random_batch(
-    examples: Sequence[Example], generator: np.random.Generator
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Stack random crops of random examples."""
+    examples: Sequence[Example],
+    generator: np.random.Generator,
+    teacher: OutlineModel | None = None,
+) -> Batch:
+    """Stack random crops of random examples, and ask the teacher about them."""
     crops = [
         random_crop(examples[generator.integers(len(examples))], generator) for _ in range(_BATCH)
     ]
-    features, target, counted = zip(*crops, strict=True)
-    return torch.stack(features), torch.stack(target), torch.stack(counted)
+    features, rock, counted = (torch.stack(each) for each in zip(*crops, strict=True))
+    if not teacher:
+        return Batch(features, rock, counted)
+    taught = [torch.from_numpy(teacher.probability(each.numpy())) for each in features]
+    return Batch(features, rock, counted, torch.stack(taught))
 
 
 @torch.no_grad()
@@ -107,15 +140,19 @@ def learning_rate(step: int, progress: float) -> float:
     return _PEAK_RATE * warm_up * falling + _LEAST_RATE
 
 
-def loss_of(logits: torch.Tensor, target: torch.Tensor, counted: torch.Tensor) -> torch.Tensor:
-    """Cross-entropy of the counted pixels, plus a share of one minus the mean soft IoU.
+def loss_of(logits: torch.Tensor, batch: Batch) -> torch.Tensor:
+    """Cross-entropy, plus a share of one minus the mean soft IoU of the counted pixels.
 
-    Targets are probabilities. Those of at least 0.5 are rock to the IoU.
+    Where the labels count, the target is between them and the teacher; elsewhere, the teacher's.
     """
-    entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction='none')
-    rock = (target >= 0.5).float()
-    iou = soft_iou(torch.sigmoid(logits) * counted, rock * counted).mean()
-    return (entropy * counted).sum() / counted.sum().clamp(min=1) + _IOU_WEIGHT * (1 - iou)
+    target, weight = batch.rock, batch.counted
+    if batch.taught is not None:
+        share = 1 - (1 - _TEACHER_WEIGHT) * batch.counted
+        target = (1 - share) * batch.rock + share * batch.taught
+        weight = torch.clamp(batch.counted, min=_TEACHER_WEIGHT)
+    entropy = functional.binary_cross_entropy_with_logits(logits, target, weight, reduction='sum')
+    iou = soft_iou(torch.sigmoid(logits) * batch.counted, batch.rock * batch.counted).mean()
+    return entropy / weight.sum().clamp(min=1) + _IOU_WEIGHT * (1 - iou)
 
 
 def soft_iou(probability: torch.Tensor, rock: torch.Tensor) -> torch.Tensor:

@@ -25,7 +25,7 @@ from outline_training.examples import (
 from outline_training.export import folded, write_model
 from outline_training.network import Corrected, OutlineNet
 from outline_training.score import mean_iou
-from outline_training.train import loss_of, pixel_logits
+from outline_training.train import Batch, loss_of, pixel_logits
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -66,7 +66,6 @@ def example(height=200, width=240, rock=np.s_[80:120, 100:150]):
     return Example(
         torch.from_numpy(features.astype(np.float16)),
         torch.from_numpy(rocks),
-        torch.from_numpy(rocks).half(),
         torch.ones(height, width, dtype=torch.bool),
         even_places(rocks),
     )
@@ -106,7 +105,7 @@ def test_the_same_seed_leads_to_the_same_network_in_onnx_as_in_torch(trained):
     net = train.train(examples_of_bags([BAG]), 2)
     features = random_features(64, 96)
     found = OutlineModel(trained.read_bytes()).probability(features)
-    np.testing.assert_allclose(found, probabilities(net, features), atol=1e-4)
+    np.testing.assert_allclose(found, probabilities(net, features), atol=1e-3)
 
 
 def test_a_file_that_differs_from_the_network_is_not_kept(monkeypatch, tmp_path):
@@ -125,7 +124,7 @@ def test_corrections_are_exported(tmp_path):
     features = random_features(48, 80)
     model = write_model(net, tmp_path / 'model.onnx')
     np.testing.assert_allclose(
-        model.probability(features), probabilities(net, features), atol=1e-4
+        model.probability(features), probabilities(net, features), atol=1e-3
     )
 
 
@@ -152,25 +151,42 @@ def test_what_is_not_counted_does_not_matter():
     rock = (logits > 1).float()
     counted = torch.ones_like(rock)
     counted[:, 5:10] = 0
+    batch = Batch(logits, rock, counted)
     changed = torch.where(counted > 0, logits, -7 * logits)
-    torch.testing.assert_close(loss_of(changed, rock, counted), loss_of(logits, rock, counted))
-    assert loss_of(40 * (rock - 0.5), rock, counted) < 1e-3
-    assert loss_of(40 * (0.5 - rock), rock, counted) > 1
+    torch.testing.assert_close(loss_of(changed, batch), loss_of(logits, batch))
+    assert loss_of(40 * (rock - 0.5), batch) < 1e-3
+    assert loss_of(40 * (0.5 - rock), batch) > 1
 
 
-def test_a_teacher_makes_rock_less_or_more_likely_but_not_another_label():
+def test_where_labels_do_not_count_only_the_teacher_does():
+    logits = torch.from_numpy(random_features(20, 20)[:2])
+    rock, counted = (logits > 1).float(), torch.zeros_like(logits)
+    taught = torch.sigmoid(torch.from_numpy(random_features(20, 20)[2:4]))
+    batch, other = Batch(logits, rock, counted, taught), Batch(logits, 1 - rock, counted, taught)
+    torch.testing.assert_close(loss_of(logits, batch), loss_of(logits, other))
+    assert loss_of(torch.logit(taught), batch) < loss_of(logits, batch)
+
+
+def test_where_labels_count_the_best_answer_is_between_them_and_the_teacher(monkeypatch):
+    monkeypatch.setattr(train, '_IOU_WEIGHT', 0)
+    one = torch.ones(1, 1, 1)
+    batch = Batch(one, one, one, 0.2 * one)
+    best = 1 - train._TEACHER_WEIGHT * 0.8
+    losses = {
+        share: loss_of(torch.logit(share * one), batch).item()
+        for share in (0.2, best - 0.05, best, best + 0.05, 0.999)
+    }
+    assert min(losses, key=losses.__getitem__) == best
+
+
+def test_a_teacher_is_asked_about_the_very_crops_of_the_batch():
     class Teacher:
         def probability(self, features):
-            return np.tile(np.float32([0, 0.4, 1]), features.shape[1:])[:, : features.shape[2]]
+            return features[GREY]
 
-    (alone,), (taught,) = examples_of_bags([BAG]), examples_of_bags([BAG], Teacher())
-    torch.testing.assert_close(alone.target, alone.rock.half())
-    torch.testing.assert_close(taught.target >= 0.5, taught.rock)
-    assert taught.rock.any()
-    expected = {0: (0, 0.2, 0.495), 1: (0.5, 0.7, 0.995)}
-    for label, values in expected.items():
-        found = taught.target[taught.rock == label].unique().tolist()
-        assert found == pytest.approx(values, abs=1e-3)
+    batch = train.random_batch([example()], np.random.default_rng(0), Teacher())
+    torch.testing.assert_close(batch.taught, batch.features[:, GREY])
+    assert train.random_batch([example()], np.random.default_rng(0)).taught is None
 
 
 def test_a_pair_that_cannot_be_judged_is_skipped_and_named(monkeypatch, capsys):
@@ -300,7 +316,7 @@ def test_iou_counts_frames_with_rocks_and_counted_pixels():
 def named_bags(monkeypatch):
     """Each bag stands for its own example; nothing is rendered."""
     monkeypatch.setattr(examples, 'simulated_bag', lambda scene, folder: scene.name)
-    monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths, teacher=None: [*paths])
+    monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths: [*paths])
 
 
 def test_the_suites_share_no_scene(named_bags):
