@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 import time
@@ -80,9 +81,11 @@ def train(
     mean = AveragedModel(net, multi_avg_fn=update_running_mean)
     optimizer = torch.optim.AdamW(net.parameters(), weight_decay=_WEIGHT_DECAY)
     began = time.monotonic()
+    # The teacher is asked about every second batch: it takes longer than a step.
+    teachers = itertools.cycle((teacher, None))
     # The next batch is cut while the network learns from this one.
     with ThreadPoolExecutor(1) as pool:
-        batch = pool.submit(random_batch, examples, generator, teacher)
+        batch = pool.submit(random_batch, examples, generator, next(teachers))
         for step in range(steps):
             passed = (time.monotonic() - began) / 60 / minutes
             if passed >= 1:
@@ -90,7 +93,7 @@ def train(
             for group in optimizer.param_groups:
                 group['lr'] = learning_rate(step, max(step / steps, passed))
             now = batch.result()
-            batch = pool.submit(random_batch, examples, generator, teacher)
+            batch = pool.submit(random_batch, examples, generator, next(teachers))
             loss = loss_of(pixel_logits(net, now.features), now)
             optimizer.zero_grad()
             loss.backward()
