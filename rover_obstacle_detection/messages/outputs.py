@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.detection.result.grid import unknown_grid
+from rover_obstacle_detection.messages.camera_info import encode_camera_info
 from rover_obstacle_detection.messages.cloud import GROUND_FIELDS, encode_cloud
 from rover_obstacle_detection.messages.disparity import encode_disparity
 from rover_obstacle_detection.messages.factory import MessageFactory
@@ -99,6 +100,10 @@ OUTPUTS: Mapping[str, Output] = {
         _unknown_cells,
     ),
     'disparity': Output('stereo_msgs/msg/DisparityImage', encode_disparity),
+    'camera_info': Output(
+        'sensor_msgs/msg/CameraInfo',
+        lambda detection, header, factory: encode_camera_info(detection.camera, header, factory),
+    ),
     'obstacle_markers': Output('visualization_msgs/msg/MarkerArray', encode_markers),
     'detection_image': _image(overlay_picture, 'bgr8'),
     'debug/known': replace(
