@@ -78,7 +78,8 @@ def _nothing_known(
 def _unknown_cells(
     shape: tuple[int, int], config: DetectorConfig, header: Any, factory: MessageFactory
 ) -> Any:
-    return encode_grid(unknown_grid(config.grid_cell, config.grid_extent), header, factory)
+    grid = unknown_grid(config.grid_cell, config.grid_extent, upside_down=config.upside_down)
+    return encode_grid(grid, header, factory)
 
 
 OUTPUTS: Mapping[str, Output] = {
