@@ -135,7 +135,8 @@ def _start_node(context):
     topics, parameters = {}, []
     if camera:
         topics |= camera_preset(camera).topics
-        parameters.append(dict(camera_preset(camera).parameters))
+        if own := dict(camera_preset(camera).parameters):
+            parameters.append(own)
     for argument, topic in TOPICS.items():
         if given := LaunchConfiguration(argument).perform(context):
             topics[topic] = given
