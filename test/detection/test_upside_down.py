@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import synthetic
+from hand_made import small_detection
 
 from rover_obstacle_detection import Detector, DetectorConfig, Gravity, StereoCamera
 from rover_obstacle_detection.detection.frame import Frame
@@ -19,6 +20,7 @@ from rover_obstacle_detection.detection.result.grid import (
     obstacle_grid,
     unknown_grid,
 )
+from rover_obstacle_detection.detection.result.upside_down import in_recorded_images
 from rover_obstacle_detection.errors import UnjudgeablePairError
 
 SCENE = synthetic.mast(
@@ -245,6 +247,16 @@ def test_refusal_names_the_parameter():
     with pytest.raises(UnjudgeablePairError, match='the ground is at the bottom') as refusal:
         Detector(SCENE.camera, TURNED_DOWN).detect(UPRIGHT.left, UPRIGHT.right)
     assert words in str(refusal.value)
+
+
+@pytest.mark.parametrize('rows', [0, 1])
+def test_a_single_point_is_turned_without_changing_the_upright_one(rows):
+    upright = small_detection()
+    vars(upright)['ground_points'] = cloud = np.full((rows, 4), 0.5, np.float32)
+    cloud.flags.writeable = False
+    own = in_recorded_images(upright, upright.camera.mirrored())
+    assert own.ground_points.tolist() == [[0.5, -0.5, 0.5, 0.5]] * rows
+    assert upright.ground_points.tolist() == [[0.5] * 4] * rows
 
 
 def test_the_camera_of_the_result_is_the_given_one():

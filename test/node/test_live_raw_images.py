@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,15 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 
 import cv2
 import synthetic
+from hand_made import stereo_images, write_stereo_bag
 from live_graph import Camera, live_graph
 from live_rover import Rover
 
 from rover_obstacle_detection import Detector
+from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.messages.calibration import CameraInfo
+from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.messages.rectification import Rectification
 
 VIEW = synthetic.render(synthetic.mast(solids=(synthetic.Box(0.0, 1.0, 0.3, 0.3, 0.25),)))
@@ -142,7 +147,7 @@ def test_raw_images_that_cannot_be_rectified_are_named_until_they_can(
     np.testing.assert_array_equal(rover.detect_raw(), expected_mask(bent))
 
 
-def test_rectified_images_are_not_rectified_again(tmp_path: Any) -> None:
+def test_rectified_images_are_not_rectified_again(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
         rover = RawRover(graph)
         rover.camera.wait_for_subscribers()
@@ -155,3 +160,28 @@ def test_rectified_images_are_not_rectified_again(tmp_path: Any) -> None:
 
         rover.set(rectify='always')
         np.testing.assert_array_equal(rover.detect_raw(), expected_mask(bent))
+
+
+def test_node_and_replay_rectify_a_recording_alike(tmp_path: Path) -> None:
+    def bend(side: str, info: Any) -> None:
+        info.d, info.r = np.array(BENT), TILT
+
+    bag = write_stereo_bag(
+        tmp_path / 'raw', 2, images=[stereo_images()], name='image_raw', change_info=bend
+    )
+    assert main(['replay', str(bag), '-o', str(tmp_path / 'out')]) == 0
+    with open_bag(tmp_path / 'out' / 'detections') as detections:
+        replayed = {
+            stamp_ns(message.header): bytes(message.data)
+            for _, _, message in detections.messages(['/cam/obstacle_mask'])
+        }
+    assert len(replayed) == 2
+
+    with live_graph(tmp_path) as graph:
+        masks = graph.subscribe('sensor_msgs/msg/Image', '/cam/obstacle_mask')
+        node = graph.start('run', '--namespace', 'cam', '--camera', 'raw')
+        graph.wait_until_listening('/cam/left/image_raw', '/cam/right/image_raw')
+        graph.start('play', str(bag), '--rate', '0.1')
+        graph.wait_for(lambda: len(masks.messages) == 2, node)
+
+    assert {stamp_ns(each.header): bytes(each.data) for each in masks.messages} == replayed

@@ -60,7 +60,8 @@ def in_recorded_images(detection: Detection, camera: StereoCamera) -> Detection:
 
 def rows_reversed(array: NDArray[Any]) -> NDArray[Any]:
     """Return a copy with the rows in reverse order."""
-    return np.ascontiguousarray(array[::-1])
+    # Not ascontiguousarray, which copies nothing of a single row.
+    return array[::-1].copy()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
