@@ -1,6 +1,7 @@
 """Start the node, and optionally play a bag and open RViz.
 
 ros2 launch rover_obstacle_detection obstacle_detector.launch.py namespace:=stereo
+ros2 launch rover_obstacle_detection obstacle_detector.launch.py camera:=realsense
 ros2 launch rover_obstacle_detection obstacle_detector.launch.py bag:=traverse.mcap rviz:=true
 """
 
@@ -23,6 +24,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.node.camera_presets import PRESETS, camera_preset, remappings
 from rover_obstacle_detection.node.transport import PROFILE_VARIABLES, use_large_message_profile
 from rover_obstacle_detection.parameter_file import NODE_NAME, check_node_file
 
@@ -48,12 +50,19 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'params_file',
-                default_value=PathJoinSubstitution([config, 'obstacle_detector.yaml']),
-                description='ROS parameter file of the node.',
+                default_value='',
+                description='ROS parameter file of the node. Empty: the defaults.',
+            ),
+            DeclareLaunchArgument(
+                'camera',
+                default_value='',
+                description=f'Camera driver whose topics to subscribe to: {", ".join(PRESETS)}.',
             ),
             *(
                 DeclareLaunchArgument(
-                    argument, default_value=topic, description=f'Topic remapped to {topic}.'
+                    argument,
+                    default_value='',
+                    description=f'Topic remapped to {topic}. Empty: that of the camera.',
                 )
                 for argument, topic in TOPICS.items()
             ),
@@ -71,19 +80,7 @@ def generate_launch_description():
             DeclareLaunchArgument('rviz', default_value='false', description='Start RViz.'),
             OpaqueFunction(function=_check),
             OpaqueFunction(function=_set_profile),
-            Node(
-                package=PACKAGE,
-                executable='obstacle_detector',
-                namespace=LaunchConfiguration('namespace'),
-                parameters=[
-                    LaunchConfiguration('params_file'),
-                    {'use_sim_time': ParameterValue(use_sim_time, value_type=bool)},
-                ],
-                remappings=[
-                    (topic, LaunchConfiguration(argument)) for argument, topic in TOPICS.items()
-                ],
-                output='screen',
-            ),
+            OpaqueFunction(function=_start_node),
             OpaqueFunction(function=_play),
             Node(
                 package='rviz2',
@@ -100,7 +97,10 @@ def _check(context):
     """Refuse what cannot start before any process runs: launch leaves those running on errors."""
     namespace = LaunchConfiguration('namespace').perform(context).strip('/')
     name = f'/{namespace}/{NODE_NAME}' if namespace else f'/{NODE_NAME}'
-    check_node_file(LaunchConfiguration('params_file').perform(context), name)
+    if params_file := LaunchConfiguration('params_file').perform(context):
+        check_node_file(params_file, name)
+    if camera := LaunchConfiguration('camera').perform(context):
+        camera_preset(camera)
     if LaunchConfiguration('rviz').perform(context).lower() in ('true', '1'):
         try:
             get_package_prefix('rviz2')
@@ -127,6 +127,33 @@ def _set_profile(context):
     if warning is not None:
         actions.append(LogInfo(msg=warning))
     return actions
+
+
+def _start_node(context):
+    """Start the node; its parameter file and given topics take precedence over the camera's."""
+    camera = LaunchConfiguration('camera').perform(context)
+    topics, parameters = {}, []
+    if camera:
+        topics |= camera_preset(camera).topics
+        if own := dict(camera_preset(camera).parameters):
+            parameters.append(own)
+    for argument, topic in TOPICS.items():
+        if given := LaunchConfiguration(argument).perform(context):
+            topics[topic] = given
+    if params_file := LaunchConfiguration('params_file').perform(context):
+        parameters.append(params_file)
+    use_sim_time = LaunchConfiguration('use_sim_time')
+    parameters.append({'use_sim_time': ParameterValue(use_sim_time, value_type=bool)})
+    return [
+        Node(
+            package=PACKAGE,
+            executable='obstacle_detector',
+            namespace=LaunchConfiguration('namespace'),
+            parameters=parameters,
+            remappings=remappings(topics),
+            output='screen',
+        )
+    ]
 
 
 def _play(context):

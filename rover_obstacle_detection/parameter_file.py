@@ -30,6 +30,7 @@ NODE_PARAMETER_NAMES = frozenset(
         'imu_yaw',
         'max_image_age',
         'queue_size',
+        'rectify',
         'rover_mask',
         'rover_polygon',
         'stale_after',

@@ -184,18 +184,45 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
 def test_launch_file_starts_the_node_with_remappings_and_parameters(
     launched: dict[str, list[Any]],
 ) -> None:
-    node = launched['Node'][0]
+    arguments = {each.args[0]: each.default_value for each in launched['DeclareLaunchArgument']}
+    node = started(launched, arguments)
     assert (node.package, node.executable) == ('rover_obstacle_detection', 'obstacle_detector')
-    declared = {each.args[0] for each in launched['DeclareLaunchArgument']}
-    used = {node.namespace.args[0], node.parameters[0].args[0]}
-    used |= {configuration.args[0] for _, configuration in node.remappings}
-    assert used <= declared
-    assert [topic for topic, _ in node.remappings] == [
-        'left/image_rect',
-        'right/image_rect',
-        'left/camera_info',
-        'right/camera_info',
+    assert node.namespace.args[0] in arguments
+    assert node.remappings == []
+    assert [list(each) for each in node.parameters] == [['use_sim_time']]
+
+    given = {'params_file': 'own.yaml', 'left_image': '/l', 'right_info': '/r/camera_info'}
+    node = started(launched, arguments | given)
+    assert node.parameters[0] == 'own.yaml'
+    assert node.remappings == [
+        ('left/image_rect', '/l'),
+        ('right/camera_info', '/r/camera_info'),
+        ('left/image_rect/compressed', '/l/compressed'),
     ]
+
+
+def started(launched: dict[str, list[Any]], arguments: dict[str, str]) -> Any:
+    """Return the node that the launch file starts."""
+    functions = {each.function.__name__: each.function for each in launched['OpaqueFunction']}
+    (node,) = functions['_start_node'](arguments)
+    return node
+
+
+def test_launch_file_knows_cameras_and_what_is_given_takes_precedence(
+    launched: dict[str, list[Any]],
+) -> None:
+    arguments = {each.args[0]: each.default_value for each in launched['DeclareLaunchArgument']}
+    given = {'camera': 'oak', 'params_file': 'own.yaml', 'left_image': '/mine/left'}
+    node = started(launched, arguments | given)
+
+    remapped = dict(node.remappings)
+    assert remapped['left/image_rect'] == '/mine/left'
+    assert remapped['right/image_rect'] == '/oak/right/image_rect'
+    assert remapped['right/image_rect/compressed'] == '/oak/right/image_rect/compressed'
+    assert remapped['left/camera_info'] == '/oak/left/camera_info'
+    # Of several values, ROS uses the last one.
+    assert node.parameters[0]['approximate_sync'] is True
+    assert node.parameters[1] == 'own.yaml'
 
 
 @pytest.mark.parametrize(
@@ -204,6 +231,7 @@ def test_launch_file_starts_the_node_with_remappings_and_parameters(
         ({'params_file': 'none.yaml'}, 'none.yaml: no such parameter file'),
         ({'namespace': 'front'}, '/stereo/obstacle_detector: expected /** or /front/obstacle'),
         ({'namespace': ''}, 'expected /** or /obstacle_detector'),
+        ({'camera': 'zedd'}, "camera is 'zedd': expected one of zed, zed4, realsense"),
         ({'rviz': 'true'}, 'rviz:=true: the package rviz2 is not installed'),
     ],
 )
@@ -217,7 +245,7 @@ def test_launch_file_refuses_what_cannot_start_before_anything_runs(
     monkeypatch.chdir(tmp_path)
     Path('own.yaml').write_text('/stereo/obstacle_detector: {ros__parameters: {max_step: 0.2}}')
     check = launched['OpaqueFunction'][0].function
-    arguments = {'namespace': '/stereo', 'params_file': 'own.yaml', 'rviz': 'false'}
+    arguments = {'namespace': '/stereo', 'params_file': 'own.yaml', 'rviz': 'false', 'camera': ''}
     assert check(arguments) == []
 
     with pytest.raises(ConfigurationError) as refusal:
@@ -226,6 +254,7 @@ def test_launch_file_refuses_what_cannot_start_before_anything_runs(
     assert words in str(refusal.value)
     assert '\n' not in str(refusal.value)
     names = [type(each).__name__ for each in launched['all']]
+    assert launched['OpaqueFunction'][0].function.__name__ == '_check'
     assert names.index('OpaqueFunction') < names.index('Node')
 
 
@@ -248,7 +277,7 @@ def test_launch_file_sets_the_profile_unless_the_user_did(
 
 
 def test_launch_file_plays_a_bag_on_request(launched: dict[str, list[Any]]) -> None:
-    play = launched['OpaqueFunction'][2].function
+    play = launched['OpaqueFunction'][3].function
     arguments = {'bag': '', 'rate': '0.5', 'use_sim_time': 'false'}
 
     assert play(arguments) == []

@@ -13,6 +13,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.errors import CameraError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 from rover_obstacle_detection.messages.header import stamp_ns
+from rover_obstacle_detection.messages.raw_images import treatment
 from rover_obstacle_detection.messages.rectification import StereoRectification
 
 _logger = logging.getLogger(__name__)
@@ -22,8 +23,8 @@ class CalibrationWatch:
     """Follows calibration changes and rectifies raw images.
 
     A change takes effect once both cameras have sent theirs; after an invalid one there is no
-    camera until the next valid one. Images are rectified if their topics have no ``rect`` in the
-    name and the calibration has a distortion or a rotation.
+    camera until the next valid one. Images are rectified if the names of their topics do not say
+    that they are, and the calibration has a distortion or a rotation.
 
     Parameters
     ----------
@@ -106,13 +107,8 @@ class CalibrationWatch:
         if not self._topics.is_rectified:
             rectification = StereoRectification(calibration)
             if rectification.is_needed:
-                _logger.warning(
-                    '%s and %s are raw images by their names: rectifying them with K, D, R and P '
-                    'of %s',
-                    self._topics.left_image,
-                    self._topics.right_image,
-                    calibration.source,
-                )
+                images = f'{self._topics.left_image} and {self._topics.right_image}'
+                _logger.warning('%s', treatment(rectification, calibration, images))
         self._rectification = rectification
         self._calibration = calibration
         self._problem = ''

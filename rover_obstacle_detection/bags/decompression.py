@@ -8,6 +8,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO, cast
 
@@ -65,6 +66,21 @@ def bound_rosbags() -> None:
     rosbag1_reader.decompressors['lz4'] = decompress_lz4
     rosbag1_reader.decompressors['bz2'] = decompress_bz2
     cast(Any, rosbag2_reader).zstd = SimpleNamespace(decompress=decompress_zstd, open=_open_zstd)
+
+
+def decompress_file(path: Path, plain: Path) -> None:
+    """Decompress a zstd file of a recording into another file.
+
+    Raises
+    ------
+    TooLargeError
+        If it has more than the limit.
+    Exception
+        Whatever the library raises if it is damaged.
+    """
+    with path.open('rb') as file, plain.open('wb') as out, _open_zstd(file, 'rb') as data:
+        while piece := data.read(_PIECE_BYTES):
+            out.write(piece)
 
 
 class _BoundedFile:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_obstacle_detection.bags.source import Entry, Source
-from rover_obstacle_detection.bags.sources import open_sources, read_failure
+from rover_obstacle_detection.bags.sources import open_sources, plain_name, read_failure
 from rover_obstacle_detection.bags.topics import (
     StereoTopics,
     find_stereo_topics,
@@ -190,7 +190,8 @@ def open_bag(path: str | Path) -> Iterator[BagReader]:
     Parameters
     ----------
     path : str or Path
-        A rosbag2 folder, one of its files (``.mcap``, ``.db3``), or a rosbag1 file (``.bag``).
+        A rosbag2 folder, one of its files (``.mcap``, ``.db3``; also compressed as a whole,
+        ``.mcap.zstd``), or a rosbag1 file (``.bag``).
         A folder without metadata.yaml and an mcap file without its end, as left by a power loss,
         are read as far as possible.
 
@@ -207,4 +208,4 @@ def open_bag(path: str | Path) -> Iterator[BagReader]:
 def bag_name(path: Path) -> str:
     """Return a recording's name: its folder, or its file without the suffix."""
     resolved = path.resolve()
-    return resolved.name if resolved.is_dir() else resolved.stem
+    return resolved.name if resolved.is_dir() else Path(plain_name(resolved)).stem

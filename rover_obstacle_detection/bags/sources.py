@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from rosbags.convert.converter import migrate_bytes
 from rosbags.highlevel import AnyReader
 
-from rover_obstacle_detection.bags.decompression import TooLargeError, bound_rosbags
+from rover_obstacle_detection.bags.decompression import (
+    TooLargeError,
+    bound_rosbags,
+    decompress_file,
+)
 from rover_obstacle_detection.bags.image_folders import ImageFolders
 from rover_obstacle_detection.bags.image_layouts import LAYOUTS
 from rover_obstacle_detection.bags.message_types import guard_rosbags
@@ -23,6 +28,8 @@ bound_rosbags()
 guard_rosbags()
 
 SUFFIXES = ('.mcap', '.db3', '.bag')
+# Of whole files compressed by `ros2 bag record --compression-mode file`.
+COMPRESSED = '.zstd'
 
 
 class RosbagsSource:
@@ -109,7 +116,7 @@ def open_sources(path: Path, stack: ExitStack) -> list[Source]:
         raise BagError(f'{path}: no such recording')
     if not path.is_dir():
         return [_open_file(path, stack)]
-    files = sorted(each for each in path.iterdir() if each.suffix in SUFFIXES)
+    files = _recordings_in(path)
     if (path / 'metadata.yaml').exists():
         try:
             return [RosbagsSource(path, stack)]
@@ -138,7 +145,24 @@ def read_failure(path: Path, error: Exception | str) -> BagError:
     return BagError(f'{path}: cannot be read; is it cut short or damaged? ({reason})')
 
 
+def plain_name(path: Path) -> str:
+    """Return the name of a file of a recording without the suffix of compression."""
+    return path.name.removesuffix(COMPRESSED)
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    """List the files of a recording; of a file and its compressed form only the file."""
+    files = [each for each in folder.iterdir() if Path(plain_name(each)).suffix in SUFFIXES]
+    return sorted(
+        each
+        for each in files
+        if each.name == plain_name(each) or folder / plain_name(each) not in files
+    )
+
+
 def _open_file(path: Path, stack: ExitStack) -> Source:
+    if path.suffix == COMPRESSED and Path(plain_name(path)).suffix in SUFFIXES:
+        return _open_compressed(path, stack)
     if path.suffix not in SUFFIXES:
         raise BagError(
             f'{path}: is not a recording: expected a rosbag2 folder or a '
@@ -154,4 +178,18 @@ def _open_file(path: Path, stack: ExitStack) -> Source:
     source = StreamedMcap(path)
     if source.span_ns is None and source.failure:
         raise read_failure(path, source.failure)
+    return source
+
+
+def _open_compressed(path: Path, stack: ExitStack) -> Source:
+    """Open a file that is compressed as a whole, from a folder for temporary files."""
+    plain = Path(stack.enter_context(TemporaryDirectory())) / plain_name(path)
+    try:
+        decompress_file(path, plain)
+        source = _open_file(plain, stack)
+    except BagError as error:
+        raise BagError(str(error).replace(str(plain), str(path))) from error
+    except Exception as error:
+        raise read_failure(path, error) from error
+    source.note = source.note.replace(str(plain), str(path))
     return source

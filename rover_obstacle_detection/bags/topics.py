@@ -9,6 +9,12 @@ from itertools import takewhile
 from typing import Literal, NamedTuple
 
 from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.messages.raw_images import (
+    BY_NAME,
+    are_raw,
+    base_name,
+    is_named_rectified,
+)
 
 IMAGE_TYPE = 'sensor_msgs/msg/Image'
 COMPRESSED_TYPE = 'sensor_msgs/msg/CompressedImage'
@@ -47,12 +53,16 @@ _LISTED_TOPICS = 12  # in an error message
 
 @dataclass(frozen=True)
 class StereoTopics:
-    """The four topics of a stereo camera; an info topic is None if the recording has none."""
+    """The four topics of a stereo camera; an info topic is None if the recording has none.
+
+    ``rectify`` says which images are raw, one of `messages.raw_images.RECTIFY`.
+    """
 
     left_image: str
     right_image: str
     left_info: str | None = None
     right_info: str | None = None
+    rectify: str = BY_NAME
 
     @property
     def namespace(self) -> str:
@@ -69,8 +79,8 @@ class StereoTopics:
 
     @property
     def is_rectified(self) -> bool:
-        """Whether both image topics have ``rect`` in their name, ROS's convention."""
-        return all('rect' in _base_name(name) for name in (self.left_image, self.right_image))
+        """Whether the images are rectified, by the names of their topics or as the user says."""
+        return not are_raw(self.left_image, self.right_image, self.rectify)
 
 
 def find_stereo_topics(
@@ -225,16 +235,12 @@ def _is_camera_image(name: str, topics: Mapping[str, str], naming: _Naming = _NA
     return not _NOT_CAMERA_IMAGES.search(name, start)
 
 
-def _base_name(topic: str) -> str:
-    return topic.removesuffix(_TRANSPORT).rpartition('/')[2].lower()
-
-
 def _rank(topic: str, topics: Mapping[str, str]) -> tuple[int, bool, str]:
     """Sort key of image topics, the preferred one first."""
-    base = _base_name(topic)
+    base = base_name(topic)
     if base == 'image_rect':
         kind = 0
-    elif 'rect' in base:
+    elif is_named_rectified(topic):
         kind = 2 if 'col' in base else 1
     else:
         kind = 3 if 'raw' in base else 4

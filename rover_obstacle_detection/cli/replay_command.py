@@ -60,6 +60,8 @@ examples:
 """
 
 
+# Those of messages.raw_images.RECTIFY, without importing OpenCV.
+RECTIFY = ('by_name', 'always', 'never')
 # Those of offline.picture_files.PICTURE_NAMES, without importing OpenCV.
 PICTURES = ('overlay', 'disparity', 'regions', 'seeds', 'roughness_step', 'obstacle_map')
 
@@ -113,6 +115,13 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
         '--side-by-side',
         action='store_true',
         help='each image of --left-topic shows both views, the left one in its left half',
+    )
+    group.add_argument(
+        '--rectify',
+        choices=RECTIFY,
+        default=RECTIFY[0],
+        help='which images are raw and are rectified with the calibration: by_name (default) '
+        'those of topics without rect in the name',
     )
     group.add_argument(
         '--approximate-sync',
@@ -226,6 +235,7 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         side_by_side=arguments.side_by_side,
+        rectify=arguments.rectify,
         calibration=calibration_request(arguments),
         tolerance_ns=None if tolerance_s is None else round(1e9 * tolerance_s),
         start_s=arguments.start,

@@ -134,6 +134,12 @@ class DetectorConfig:
         40.0, 'Farthest distance along the optical axis that is judged (m).', 0.1, 1000.0
     )
 
+    upside_down: bool = _parameter(
+        False,
+        'Whether the camera is mounted upside down. The results are those of its images as they '
+        'arrive; camera_roll counts from the upside-down position.',
+    )
+
     gravity_source: str = _parameter(
         'estimate',
         'Source of the vertical: estimated from the visible ground; parameters (camera_pitch, '

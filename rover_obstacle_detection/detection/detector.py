@@ -18,6 +18,7 @@ from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, Hyb
 from rover_obstacle_detection.detection.methods.study import detect_as_study
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.result.upside_down import in_recorded_images
 from rover_obstacle_detection.errors import CameraError, ImageError
 
 OnStage = Callable[[str], None]
@@ -88,7 +89,8 @@ class Detector:
         left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
             Rectified, grey or BGR.
         gravity : Gravity, optional
-            The vertical of this pair, from an IMU or TF; by default as configured.
+            The vertical of this pair in the left optical frame, from an IMU or TF; by default as
+            configured.
         on_stage : callable, optional
             Called with the name of each stage when it ends, for timing.
 
@@ -104,7 +106,14 @@ class Detector:
             pair = equalized(pair)
         finished = on_stage or _ignore
         frame = Frame(pair, self.camera, gravity or self._configured_gravity(), self.rover_mask)
+        if not self.config.upside_down:
+            finished('grey')
+            return self._detect_upright(frame, finished)
+        frame = frame.mirrored()
         finished('grey')
+        return in_recorded_images(self._detect_upright(frame, finished), self.camera)
+
+    def _detect_upright(self, frame: Frame, finished: OnStage) -> Detection:
         if self.config.method == 'study':
             return detect_as_study(frame, self._parameters, finished)
         return detect_hybrid(frame, self._parameters, finished, self._stages)
@@ -112,9 +121,9 @@ class Detector:
     def _configured_gravity(self) -> Gravity | None:
         if self.config.gravity_source != 'parameters':
             return None
-        return Gravity.from_angles(
-            self.config.camera_pitch, self.config.camera_roll, self.config.camera_height or None
-        )
+        config = self.config
+        roll_deg = config.camera_roll + (180.0 if config.upside_down else 0.0)
+        return Gravity.from_angles(config.camera_pitch, roll_deg, config.camera_height or None)
 
 
 def _ignore(stage: str) -> None:

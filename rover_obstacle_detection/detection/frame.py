@@ -34,6 +34,22 @@ class Frame:
     gravity: Gravity | None = None
     rover_mask: NDArray[np.bool_] | None = None
 
+    def mirrored(self) -> Frame:
+        """Reverse the rows: what an upside-down camera sees becomes upright.
+
+        This shows the world in a mirror. Left stays left, so the disparities stay as they are, and
+        what is found in the left image lies in the left image. Turning both images by 180 degrees
+        and exchanging them would give the view of the right camera instead.
+        """
+        left, right = (np.ascontiguousarray(image[::-1]) for image in self.pair)
+        mask = self.rover_mask
+        return Frame(
+            (left, right),
+            self.camera.mirrored(),
+            self.gravity and self.gravity.mirrored(),
+            None if mask is None else np.ascontiguousarray(mask[::-1]),
+        )
+
     def resized(self, camera: StereoCamera) -> Frame:
         """Resample the images, and mark what is mostly rover.
 

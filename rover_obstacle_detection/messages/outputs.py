@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.detection.result.grid import unknown_grid
+from rover_obstacle_detection.messages.camera_info import encode_camera_info
 from rover_obstacle_detection.messages.cloud import GROUND_FIELDS, encode_cloud
 from rover_obstacle_detection.messages.disparity import encode_disparity
 from rover_obstacle_detection.messages.factory import MessageFactory
@@ -77,7 +78,8 @@ def _nothing_known(
 def _unknown_cells(
     shape: tuple[int, int], config: DetectorConfig, header: Any, factory: MessageFactory
 ) -> Any:
-    return encode_grid(unknown_grid(config.grid_cell, config.grid_extent), header, factory)
+    grid = unknown_grid(config.grid_cell, config.grid_extent, upside_down=config.upside_down)
+    return encode_grid(grid, header, factory)
 
 
 OUTPUTS: Mapping[str, Output] = {
@@ -99,6 +101,10 @@ OUTPUTS: Mapping[str, Output] = {
         _unknown_cells,
     ),
     'disparity': Output('stereo_msgs/msg/DisparityImage', encode_disparity),
+    'camera_info': Output(
+        'sensor_msgs/msg/CameraInfo',
+        lambda detection, header, factory: encode_camera_info(detection.camera, header, factory),
+    ),
     'obstacle_markers': Output('visualization_msgs/msg/MarkerArray', encode_markers),
     'detection_image': _image(overlay_picture, 'bgr8'),
     'debug/known': replace(

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.node.calibration import RECTIFIED
 from rover_obstacle_detection.node.connections import NOTHING_SEEN, Connections
 from rover_obstacle_detection.node.load import WINDOW_S, Load
 from rover_obstacle_detection.node.statistics import Recent, Snapshot
@@ -78,6 +79,8 @@ class NodeState:
         How long the current detection has been running (s); 0 between detections.
     limits : WatchdogLimits or None
         What the watchdog calls a fault; None without watchdog.
+    images : str
+        What is done with the images before they are matched.
     """
 
     lifecycle: str
@@ -94,6 +97,7 @@ class NodeState:
     topics: tuple[str, ...] = ()
     detecting_s: float = 0.0
     limits: WatchdogLimits | None = None
+    images: str = RECTIFIED
 
 
 def statuses(state: NodeState) -> tuple[Status, ...]:
@@ -209,6 +213,7 @@ def _calibration(state: NodeState) -> Status:
         level = OK if state.lifecycle != 'active' else ERROR
         return Status('calibration', level, state.calibration_problem)
     values = {
+        'images': state.images,
         'width (px)': str(camera.width),
         'height (px)': str(camera.height),
         'fx (px)': f'{camera.fx:.3f}',

@@ -14,7 +14,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 
 from rover_obstacle_detection.messages.header import stamp_ns
-from rover_obstacle_detection.node.calibration import LiveCalibration
+from rover_obstacle_detection.messages.raw_images import are_raw
+from rover_obstacle_detection.node.calibration import RECTIFIED, Calibrated, LiveCalibration
 from rover_obstacle_detection.node.loss_counter import LossCounter
 from rover_obstacle_detection.node.rclpy_factory import message_type
 from rover_obstacle_detection.node.settings import Settings
@@ -127,13 +128,14 @@ class StereoInputs:
     def configure(self, settings: Settings) -> None:
         """Apply new settings; pairing starts again."""
         self._pairing = StereoPairing(settings.tolerance_ns, settings.queue_size)
-        if settings.image_transport == self._transport:
-            return
-        self._transport = settings.image_transport
-        self.topics = _resolved(self._node, _relative_topics(self._transport))
-        if self._images:
-            self.stop()
-            self.start()
+        if settings.image_transport != self._transport:
+            self._transport = settings.image_transport
+            self.topics = _resolved(self._node, _relative_topics(self._transport))
+            if self._images:
+                self.stop()
+                self.start()
+        raw = are_raw(*self.topics, settings.rectify)
+        self._calibration.set_raw_images(' and '.join(self.topics) if raw else '')
 
     @property
     def subscriptions(self) -> tuple[Any, ...]:
@@ -216,14 +218,22 @@ class StereoInputs:
         info = deserialize_message(data, message_type(INFO_TYPE))
         if not self._calibration.update(side, info):
             return
-        camera, _ = self._calibration.state
-        if camera is not None:
-            self._node.get_logger().info(
-                f'camera: {camera.width} x {camera.height}, fx {camera.fx:.2f} px, '
-                f'baseline {camera.baseline_m * 1000:.1f} mm'
-            )
+        if (calibrated := self._calibration.calibrated) is not None:
+            self._report(calibrated)
             if not self._images:
                 self._destroy(self._infos)
+
+    def _report(self, calibrated: Calibrated) -> None:
+        camera, rectify, images = calibrated
+        logger = self._node.get_logger()
+        logger.info(
+            f'camera: {camera.width} x {camera.height}, fx {camera.fx:.2f} px, '
+            f'baseline {camera.baseline_m * 1000:.1f} mm'
+        )
+        if rectify is not None:
+            logger.info(images)
+        elif images != RECTIFIED:
+            self._warn(images)
 
     def _take_image(self, side: int, message: Any, info: Mapping[str, Any]) -> None:
         arrival_s = time.monotonic()

@@ -271,6 +271,7 @@ class ObstacleDetector(LifecycleNode):
         described = [connections.describe(topic) for topic in topics]
         now_s = time.monotonic()
         camera, calibration_problem = self._calibration.state
+        calibrated = self._calibration.calibrated
         counts = self._statistics.snapshot()
         state = NodeState(
             lifecycle=self._state_machine.current_state[1],
@@ -278,6 +279,7 @@ class ObstacleDetector(LifecycleNode):
             counts=counts,
             pairing=None if inputs is None else inputs.pairing,
             camera=camera,
+            images='' if calibrated is None else calibrated.treatment,
             calibration_problem=calibration_problem,
             pairing_problem='' if inputs is None else self._watch.check(inputs.pairing, now_s),
             gravity_problem='' if gravity is None else gravity.problem,
@@ -322,7 +324,12 @@ class ObstacleDetector(LifecycleNode):
 
 
 def _input_settings(settings: Settings) -> tuple[object, ...]:
-    return settings.tolerance_ns, settings.queue_size, settings.image_transport
+    return (
+        settings.tolerance_ns,
+        settings.queue_size,
+        settings.image_transport,
+        settings.rectify,
+    )
 
 
 def _gravity_settings(settings: Settings) -> tuple[object, ...]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from rover_obstacle_detection.detection.config import DetectorConfig, ParameterDescription
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.messages.raw_images import BY_NAME, RECTIFY
 from rover_obstacle_detection.node.watchdog import WatchdogLimits
 from rover_obstacle_detection.rover_mask import RoverMask
 
@@ -37,6 +38,14 @@ NODE_PARAMETERS = (
         'raw: subscribe to Image on left/image_rect and right/image_rect. compressed: subscribe '
         'to CompressedImage on left/image_rect/compressed and right/image_rect/compressed.',
         choices=IMAGE_TRANSPORTS,
+    ),
+    ParameterDescription(
+        'rectify',
+        BY_NAME,
+        'Which images are raw and are rectified with K, D, R and P of camera_info. by_name: those '
+        'of topics without rect in the name, such as left/image_raw. always, never: whatever the '
+        'names are.',
+        choices=RECTIFY,
     ),
     ParameterDescription(
         'base_frame', 'base_link', 'Frame whose z axis points up, for gravity_source tf.'
@@ -115,6 +124,8 @@ class Settings:
         For `StereoPairing`.
     queue_size : int
     image_transport : str
+    rectify : str
+        One of `RECTIFY`.
     base_frame : str
     imu_angles_deg : tuple of float
         Roll, pitch and yaw of the IMU frame in the left optical frame (deg).
@@ -128,6 +139,7 @@ class Settings:
     tolerance_ns: int | None
     queue_size: int
     image_transport: str
+    rectify: str
     base_frame: str
     imu_angles_deg: tuple[float, float, float]
     rover_mask: RoverMask | None
@@ -164,6 +176,7 @@ class Settings:
             tolerance_ns=tolerance_ns,
             queue_size=own['queue_size'],
             image_transport=own['image_transport'],
+            rectify=own['rectify'],
             base_frame=own['base_frame'],
             imu_angles_deg=(own['imu_roll'], own['imu_pitch'], own['imu_yaw']),
             rover_mask=RoverMask.load(own['rover_mask'], own['rover_polygon']),

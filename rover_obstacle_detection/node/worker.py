@@ -24,7 +24,7 @@ from rover_obstacle_detection.errors import (
     UnjudgeablePairError,
 )
 from rover_obstacle_detection.messages.image import OVERSIZE, decode_camera_image
-from rover_obstacle_detection.node.calibration import LiveCalibration
+from rover_obstacle_detection.node.calibration import Calibrated, LiveCalibration
 from rover_obstacle_detection.node.mailbox import Mailbox
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import DetectionFigures, NodeStatistics
@@ -134,17 +134,17 @@ class DetectionWorker:
     def _run(self) -> None:
         while (pair := self._mailbox.take()) is not None:
             self._started_s = time.monotonic()
-            camera = self._calibration.wait_for_camera(CALIBRATION_TIMEOUT_S)
-            if camera is None:
+            calibrated = self._calibration.wait_for_camera(CALIBRATION_TIMEOUT_S)
+            if calibrated is None:
                 problem = self._calibration.state[1]
                 self._statistics.bad_frame('no calibration', problem)
                 self._warn(problem)
             else:
                 try:
-                    self._process(pair, camera)
+                    self._process(pair, calibrated)
                 except Exception as error:
                     # Any error costs one pair, not the node.
-                    self._fail(pair, camera, error)
+                    self._fail(pair, calibrated.camera, error)
             self._started_s = None
 
     def _fail(self, pair: ImagePair, camera: StereoCamera, error: Exception) -> None:
@@ -160,8 +160,8 @@ class DetectionWorker:
         config = self._sources.settings().config
         self._outputs.publish_unknown(camera.shape, config, header)
 
-    def _process(self, pair: ImagePair, camera: StereoCamera) -> None:
-        header = pair.left.header
+    def _process(self, pair: ImagePair, calibrated: Calibrated) -> None:
+        header, camera, rectify = pair.left.header, calibrated.camera, calibrated.rectify
         if pair.fault:
             self._publish_unknown(camera, header)
             self._statistics.withheld(pair.fault)
@@ -171,6 +171,8 @@ class DetectionWorker:
         left = decode_camera_image(pair.left, left_topic, most_pixels)
         right = decode_camera_image(pair.right, right_topic, most_pixels)
         self._check_sizes(left, right, camera)
+        if rectify is not None:
+            left, right = rectify(left, right)
         gravity = self._sources.gravity(header)
         detector = self._detector_for(camera)
         detection = detect_unswapped(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, open_bag
@@ -79,6 +80,7 @@ def replay_bag(
             right_image=options.right_topic,
             side_by_side=options.side_by_side,
         )
+        topics = replace(topics, rectify=options.rectify)
         pairs = read_pairs(
             bag,
             topics,

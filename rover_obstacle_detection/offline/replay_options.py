@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.detection.config import DetectorConfig
+from rover_obstacle_detection.messages.raw_images import BY_NAME
 from rover_obstacle_detection.rover_mask import RoverMask
 
 
@@ -22,6 +23,8 @@ class ReplayOptions:
         Image topics; found by name if omitted.
     side_by_side : bool
         The images of `left_topic` show both views side by side.
+    rectify : str
+        Which images are raw, one of `messages.raw_images.RECTIFY`.
     calibration : CalibrationRequest
         From the bag if nothing is given.
     tolerance_ns : int, optional
@@ -49,6 +52,7 @@ class ReplayOptions:
     left_topic: str | None = None
     right_topic: str | None = None
     side_by_side: bool = False
+    rectify: str = BY_NAME
     calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
     tolerance_ns: int | None = None
     start_s: float = 0.0

@@ -7,7 +7,7 @@ import bz2
 import lz4.frame
 import pytest
 from mcap.writer import CompressionType
-from recordings import ROS1, ROS2, WRITERS, stereo_messages, write_mcap, write_ros1
+from recordings import ROS1, ROS2, WRITERS, stereo_messages, write_mcap, write_ros1, write_ros2
 from rosbags.rosbag1 import Writer as Writer1
 
 from rover_obstacle_detection.bags import decompression
@@ -17,7 +17,7 @@ from rover_obstacle_detection.bags.decompression import (
     decompress_lz4,
     decompress_zstd,
 )
-from rover_obstacle_detection.bags.reader import open_bag
+from rover_obstacle_detection.bags.reader import bag_name, open_bag
 from rover_obstacle_detection.errors import BagError
 
 COMPRESSED = {
@@ -28,6 +28,15 @@ COMPRESSED = {
     'mcap file cut short': lambda path, messages: cut_short(
         write_mcap(path.with_suffix('.mcap'), messages)
     ),
+    'lone mcap.zstd': lambda path, messages: whole(
+        write_mcap(path.with_suffix('.mcap'), messages)
+    ),
+    'lone mcap.zstd cut short before': lambda path, messages: whole(
+        cut_short(write_mcap(path.with_suffix('.mcap'), messages))
+    ),
+    'lone db3.zstd': lambda path, messages: next(
+        write_ros2(path, messages, 'sqlite3', 'file').glob('*.db3.zstd')
+    ),
     'rosbag1, bz2': lambda path, messages: write_ros1(
         path.with_suffix('.bag'), messages, Writer1.CompressionFormat.BZ2
     ),
@@ -35,6 +44,14 @@ COMPRESSED = {
         path.with_suffix('.bag'), messages, Writer1.CompressionFormat.LZ4
     ),
 }
+
+
+def whole(path):
+    """Compress a file as `ros2 bag record --compression-mode file` does, and leave only that."""
+    compressed = path.with_name(f'{path.name}.zstd')
+    compressed.write_bytes(decompression._zstd.compress(path.read_bytes()))
+    path.unlink()
+    return compressed
 
 
 def cut_short(path):
@@ -102,3 +119,56 @@ def test_data_is_decompressed_up_to_the_limit(decompress, compress, monkeypatch)
         decompress(compress(DATA) + compress(b'.'))
     with pytest.raises(Exception, match=r'.'):
         decompress(compress(DATA)[:-10])
+
+
+def test_a_lone_compressed_file_is_read_and_leaves_nothing_behind(tmp_path, monkeypatch):
+    recording = whole(write_mcap(tmp_path / 'drive.mcap', stereo_messages(2)))
+    temporary = tmp_path / 'temporary'
+    temporary.mkdir()
+    monkeypatch.setattr('tempfile.tempdir', str(temporary))
+
+    with open_bag(recording) as bag:
+        assert bag.notes == ()
+        assert len(list(bag.messages(list(bag.topics)))) == 8
+        assert list(temporary.rglob('*.mcap'))
+
+    assert list(temporary.iterdir()) == []
+    assert list(tmp_path.glob('*.mcap')) == []
+    assert bag_name(recording) == 'drive'
+
+
+def test_damage_is_reported_of_the_compressed_file(tmp_path, monkeypatch):
+    inner = whole(cut_short(write_mcap(tmp_path / 'inner.mcap', stereo_messages(2))))
+    with open_bag(inner) as bag:
+        (note,) = bag.notes
+    assert note.startswith(f'{inner}: cut short or damaged')
+
+    outer = whole(write_mcap(tmp_path / 'outer.mcap', stereo_messages(2)))
+    outer.write_bytes(outer.read_bytes()[:-20])
+    empty = tmp_path / 'empty.mcap.zstd'
+    empty.write_bytes(b'')
+    other = tmp_path / 'other.mcap.zstd'
+    other.write_bytes(decompression._zstd.compress(b'not a recording'))
+    for path in (outer, empty, other):
+        with pytest.raises(BagError) as caught:
+            read(path)
+        assert str(caught.value).startswith(f'{path}: ')
+        assert 'tmp' not in str(caught.value).replace(str(path), '')
+        assert '\n' not in str(caught.value)
+
+
+def test_other_compressed_files_are_no_recordings(tmp_path):
+    path = tmp_path / 'notes.txt.zstd'
+    path.write_bytes(decompression._zstd.compress(b'text'))
+    with pytest.raises(BagError, match='is not a recording'):
+        read(path)
+
+
+def test_a_folder_without_metadata_has_each_file_once(tmp_path):
+    first = write_mcap(tmp_path / 'a.mcap', stereo_messages(2))
+    kept = first.read_bytes()
+    whole(first)
+    assert len(read(tmp_path)) == 8
+    # A recorder that was killed while it compressed leaves both.
+    first.write_bytes(kept)
+    assert len(read(tmp_path)) == 8

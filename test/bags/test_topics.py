@@ -152,9 +152,18 @@ def test_rectified_grey_uncompressed_images_are_preferred(names, random):
     assert found.is_rectified == ('rect' in best)
 
 
-def test_raw_and_rectified_topics_belong_to_one_camera():
-    kinds = both('/zed/{}/image_rect_color', '/zed/{}_raw/image_raw_color')
-    assert find_stereo_topics(kinds).left_image == '/zed/left/image_rect_color'
+@pytest.mark.parametrize(
+    ('rectified', 'raw'),
+    [
+        ('/zed/{}/image_rect_color', '/zed/{}_raw/image_raw_color'),
+        ('/zed/{}/color/rect/image', '/zed/{}/color/raw/image'),
+    ],
+)
+def test_raw_and_rectified_topics_belong_to_one_camera(rectified, raw):
+    found = find_stereo_topics(both(rectified, raw))
+    assert found.left_image == rectified.format('left')
+    assert found.is_rectified
+    assert not find_stereo_topics(both(raw)).is_rectified
 
 
 @pytest.mark.parametrize(

@@ -397,6 +397,26 @@ def test_a_wrong_focal_length_of_raw_images_is_corrected(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ('name', 'rectify', 'rectifies'),
+    [
+        ('image_raw', 'by_name', True),
+        ('image_raw', 'never', False),
+        ('image_rect', 'by_name', False),
+        ('image_rect', 'always', True),
+    ],
+)
+def test_which_images_are_rectified_can_be_said(tmp_path, capsys, name, rectify, rectifies):
+    def change(side, info):
+        info.distortion_model = 'plumb_bob'
+        info.d = np.array([-0.2, 0.05, 0, 0, 0], np.float64)
+
+    bag = write_stereo_bag(tmp_path / 'bag', pairs=1, name=name, change_info=change)
+    out = str(tmp_path / 'out')
+    assert main(['replay', str(bag), '-o', out, '--rectify', rectify]) == 0
+    assert ('are raw images: rectifying them' in capsys.readouterr().err) == rectifies
+
+
+@pytest.mark.parametrize(
     ('name', 'changed', 'options', 'warns'),
     [
         ('image_raw', {'d': -0.2}, ['fx', 'baseline'], True),

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from rover_obstacle_detection import DetectorConfig, StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, KINDS, Cue
+from rover_obstacle_detection.messages.calibration import CameraInfo
 from rover_obstacle_detection.messages.cloud import decode_cloud
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.image import decode_float_image, decode_image
 from rover_obstacle_detection.messages.outputs import OUTPUTS
+from rover_obstacle_detection.messages.rectification import needs_rectification
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pictures import (
     KIND_COLOURS,
@@ -73,6 +76,7 @@ def test_output_topics_and_types():
         'ground_points': 'sensor_msgs/msg/PointCloud2',
         'obstacle_grid': 'nav_msgs/msg/OccupancyGrid',
         'disparity': 'stereo_msgs/msg/DisparityImage',
+        'camera_info': 'sensor_msgs/msg/CameraInfo',
         'obstacle_markers': 'visualization_msgs/msg/MarkerArray',
         'detection_image': 'sensor_msgs/msg/Image',
         'debug/known': 'sensor_msgs/msg/Image',
@@ -323,6 +327,21 @@ def test_live_node_and_replay_make_the_same_bytes(name, empty):
     live = store.serialize_cdr(store.deserialize_cdr(live, output.type_name), output.type_name)
     written = store.serialize_cdr(output.encode(seen, HEADER, FACTORY), output.type_name)
     assert bytes(live) == bytes(written)
+
+
+def test_camera_info_is_that_of_the_masks_pixels():
+    camera = dataclasses.replace(CAMERA, cx_right=12.5)
+    message = encode('camera_info', dataclasses.replace(detection(), camera=camera))
+    assert (message.width, message.height) == SHAPE[::-1]
+    # Of the left camera, and nothing is left to rectify.
+    assert StereoCamera.from_camera_info(message, right_of(message, camera)) == camera
+    assert not needs_rectification(CameraInfo.from_message(message))
+
+
+def right_of(left, camera):
+    p = left.p.copy()
+    p[2], p[3] = camera.cx_right, -camera.fx * camera.baseline_m
+    return SimpleNamespace(width=left.width, height=left.height, p=p)
 
 
 def test_principal_point_offset_is_subtracted_once():

@@ -114,6 +114,30 @@ def test_compressed_images(calibrated: Rover) -> None:
     calibrated.camera.wait_for_subscribers()
 
 
+def test_camera_that_is_mounted_upside_down(calibrated: Rover) -> None:
+    turned = synthetic.render(VIEW.scene.with_(roll_deg=180.0))
+    calibrated.set(upside_down=True)
+    grid = calibrated.graph.subscribe('nav_msgs/msg/OccupancyGrid', '/stereo/obstacle_grid')
+
+    config = DetectorConfig(upside_down=True)
+    expected = Detector(turned.scene.camera, config).detect(turned.left, turned.right).mask
+    assert synthetic.iou(expected, turned.obstacle) > 0.5
+    np.testing.assert_array_equal(calibrated.detect(turned), expected)
+
+    # A pair that cannot be judged has its grid below the camera too, which is up in the image.
+    def unknown() -> list[Any]:
+        # The subscription may be younger than the first pair.
+        stamp = calibrated.next_stamp()
+        dark = calibrated.camera.image(np.zeros_like(turned.left), stamp)
+        calibrated.camera.send_images(dark, dark)
+        return [each for each in grid.messages if set(each.data) == {-1}]
+
+    calibrated.wait_for(unknown)
+    assert unknown()[0].info.origin.position.x == -5.0
+    calibrated.graph.unsubscribe(grid)
+    calibrated.set(upside_down=False)
+
+
 def test_gravity_from_an_imu(calibrated: Rover) -> None:
     calibrated.set(gravity_source='imu')
     imu = calibrated.graph.node.create_publisher(

@@ -17,6 +17,8 @@ from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.errors import CameraError, ImageError, UnjudgeablePairError
+from rover_obstacle_detection.messages.calibration import CameraInfo
+from rover_obstacle_detection.messages.rectification import Rectification
 from rover_obstacle_detection.node.calibration import LiveCalibration
 from rover_obstacle_detection.node.settings import Settings
 from rover_obstacle_detection.node.statistics import NodeStatistics
@@ -27,13 +29,20 @@ SHAPE = (12, 16)
 def info(*, right: bool = False) -> Any:
     p = [10.0, 0, 7.5, -1.0 if right else 0, 0, 10.0, 5.5, 0, 0, 0, 1, 0]
     roi = SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0)
-    return SimpleNamespace(width=16, height=12, p=p, binning_x=0, binning_y=0, roi=roi)
+    bent = {'distortion_model': 'plumb_bob', 'd': (-0.3, 0.1, 0.0, 0.0, 0.0)}
+    matrices = {'k': (10.0, 0, 7.5, 0, 10, 5.5, 0, 0, 1), 'r': np.identity(3).reshape(-1), 'p': p}
+    return SimpleNamespace(
+        width=16, height=12, binning_x=0, binning_y=0, roi=roi, **bent, **matrices
+    )
+
+
+PIXELS = np.random.default_rng(0).integers(0, 255, SHAPE, np.uint8)
 
 
 def image() -> Any:
     return SimpleNamespace(
         header=object(), encoding='mono8', width=16, height=12, step=16, is_bigendian=0,
-        data=np.zeros(SHAPE, np.uint8).tobytes(),
+        data=PIXELS.tobytes(),
     )  # fmt: skip
 
 
@@ -57,6 +66,7 @@ class Detections:
         return self
 
     def detect(self, left: Any, right: Any, *, gravity: Any, on_stage: Any) -> Any:
+        self.images = left, right
         self.entered.release()
         assert self.go_on.acquire(timeout=30)
         if self.failures:
@@ -154,6 +164,19 @@ def test_newest_pair_is_detected_and_the_others_are_counted(
     assert bench.statistics.snapshot().dropped == 3
     assert bench.statistics.snapshot().latest.rows_off_px == 0.5
     assert bench.statistics.snapshot().latest.lens_bend_px > 0
+
+
+def test_raw_images_are_rectified_and_no_others(bench: Bench, detections: Detections) -> None:
+    bench.calibrate()
+    detections.go_on.release(2)
+    rectified = Rectification(CameraInfo.from_message(info()), 'left')(PIXELS)
+    assert not np.array_equal(rectified, PIXELS)
+    for names, expected in (('', PIXELS), ('left and right', rectified)):
+        bench.calibration.set_raw_images(names)
+        bench.submit()
+        assert bench.done.acquire(timeout=30)
+        for seen in detections.images:
+            np.testing.assert_array_equal(seen, expected)
 
 
 def test_changed_settings_apply_to_the_next_pair(bench: Bench, detections: Detections) -> None:

@@ -260,6 +260,12 @@ LIVE_ROWS = (
         'left and right swapped?',
         faults.swapped,
     ),
+    bad_pair(
+        'a camera mounted upside down',
+        f'{LEFT}, {RIGHT}: the ground is at the top of the images: is the camera mounted upside '
+        'down? Then set upside_down to true',
+        faults.upside_down,
+    ),
     # Load
     Row(
         LIVE,
@@ -303,6 +309,12 @@ LIVE_ROWS = (
         '`camera_info` of two different cameras',
         f'{LEFT_INFO}, {RIGHT_INFO}: … 640 x 240',
         faults.bad_info(width=640),
+    ),
+    bad_info(
+        'raw images whose `camera_info` has only P',
+        f'{LEFT} and {RIGHT} are raw images and cannot be rectified: {LEFT_INFO}, {RIGHT_INFO}: K '
+        'is (0.0, …): expected focal lengths above 0; if they are rectified, set rectify to never',
+        faults.uncalibrated_raw_images,
     ),
     bad_pair(
         '`camera_info` of another size than the images',
@@ -459,6 +471,12 @@ REPLAY_ROWS = (
         f'{IMAGE}, {OTHER_IMAGE}: disparities are negative: expected the left image from {IMAGE}; '
         'are left and right swapped?',
         recorded.bad_pair(recorded.swapped),
+    ),
+    bad_frame(
+        'a camera mounted upside down',
+        f'{IMAGE}, {OTHER_IMAGE}: the ground is at the top of the images: is the camera mounted '
+        'upside down? Then set upside_down to true',
+        recorded.bad_pair(degrade.upside_down),
     ),
     bad_frame(
         '`camera_info` with NaN',

@@ -130,6 +130,24 @@ def bad_info(**fields: Any) -> Injection:
     return inject
 
 
+def upside_down(rover: FaultyRover) -> Iterator[None]:
+    while True:
+        stamp = rover.next_stamp()
+        images = degrade.upside_down(*rover.exposure())
+        rover.camera.send(CAMERA, *(np.ascontiguousarray(each) for each in images), stamp)
+        yield
+
+
+def uncalibrated_raw_images(rover: FaultyRover) -> Iterator[None]:
+    rover.set(rectify='always')
+    try:
+        while True:
+            rover.camera.send_infos(CAMERA, rover.next_stamp())
+            yield
+    finally:
+        rover.set(rectify='by_name')
+
+
 def other_camera(rover: FaultyRover) -> Iterator[None]:
     while True:
         rover.camera.send_infos(dataclasses.replace(CAMERA, width=200), rover.next_stamp())

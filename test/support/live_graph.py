@@ -244,11 +244,18 @@ class LiveGraph:
 class Camera:
     """Publishes pairs of one stereo camera, reliably, as a driver does."""
 
-    def __init__(self, graph: LiveGraph, namespace: str = '/stereo', info_qos: Any = 10) -> None:
+    def __init__(
+        self,
+        graph: LiveGraph,
+        namespace: str = '/stereo',
+        info_qos: Any = 10,
+        image: str = 'image_rect',
+    ) -> None:
         self.graph = graph
         self._namespace = namespace
+        self._image = image
         self._names = {
-            'image_rect': ('sensor_msgs/msg/Image', 10),
+            image: ('sensor_msgs/msg/Image', 10),
             'camera_info': ('sensor_msgs/msg/CameraInfo', info_qos),
         }
         self.publishers = {
@@ -280,8 +287,8 @@ class Camera:
             self.publishers[side, 'camera_info'].publish(self.info(camera, side, stamp))
 
     def send_images(self, left: Any, right: Any) -> None:
-        self.publishers['left', 'image_rect'].publish(left)
-        self.publishers['right', 'image_rect'].publish(right)
+        self.publishers['left', self._image].publish(left)
+        self.publishers['right', self._image].publish(right)
 
     def send(self, camera: StereoCamera, left: np.ndarray, right: np.ndarray, stamp: int) -> None:
         """Send a good pair with its calibration."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -196,6 +196,10 @@ class StereoCamera:
             baseline_m=self.baseline_m,
             cx_right=(self.cx_right + 0.5) * scale_x - 0.5,
         )
+
+    def mirrored(self) -> StereoCamera:
+        """Return the camera of images with their rows in reverse order."""
+        return replace(self, cy=self.height - 1 - self.cy)
 
     def rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Compute the direction of each column and row.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,11 @@ class Gravity:
 
     up: tuple[float, float, float]
     height_m: float | None = None
+
+    def mirrored(self) -> Gravity:
+        """Return the same in images with their rows in reverse order."""
+        x, y, z = self.up
+        return replace(self, up=(x, -y, z))
 
     @classmethod
     def from_angles(

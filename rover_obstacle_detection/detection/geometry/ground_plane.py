@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,11 @@ class GroundPlane:
     up: tuple[float, float, float]
     measured: bool = True
     residual: float = 0.0
+
+    def mirrored(self) -> GroundPlane:
+        """Return the same in images with their rows in reverse order."""
+        (x, y, z), (up_x, up_y, up_z) = self.normal, self.up
+        return replace(self, normal=(x, -y, z), up=(up_x, -up_y, up_z))
 
     @property
     def pitch_deg(self) -> float:

@@ -184,10 +184,16 @@ def check_upright(coarse: Rectified, parameters: DetectorParameters) -> None:
     UnjudgeablePairError
     """
     if is_upside_down(coarse.disparity, coarse.camera, parameters.plane_fit):
-        msg = (
-            'the ground is at the top of the images: is the camera mounted upside down? Turn both '
-            'images by 180 degrees and exchange them'
-        )
+        if parameters.config.upside_down:
+            msg = (
+                'the ground is at the bottom of the images, but upside_down is true: is the '
+                'camera mounted upright? Then set upside_down to false'
+            )
+        else:
+            msg = (
+                'the ground is at the top of the images: is the camera mounted upside down? Then '
+                'set upside_down to true'
+            )
         raise UnjudgeablePairError(msg)
 
 

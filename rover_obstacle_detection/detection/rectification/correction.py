@@ -45,6 +45,13 @@ class Remapping:
             remapped[~self.shown] = fill
         return remapped
 
+    def mirrored(self) -> Remapping:
+        """Return the same for images with their rows in reverse order."""
+        height, width = self.pixels.shape
+        row, column = np.divmod(self.pixels[::-1], width)
+        pixels = ((height - 1 - row) * width + column).astype(np.int32)
+        return Remapping(pixels, np.ascontiguousarray(self.shown[::-1]))
+
     def rays(self, camera: StereoCamera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Direction of each pixel's nearest one in the straight image, NaN where it has none.
 
@@ -80,6 +87,10 @@ class Correction:
     def reduced(self, reduction: float) -> Correction:
         """Return the same for images reduced by a factor."""
         return replace(self, rows=self.rows.reduced(reduction))
+
+    def mirrored(self) -> Correction:
+        """Return the same for images with their rows in reverse order."""
+        return replace(self, rows=self.rows.mirrored())
 
     def straightened(self, frame: Frame) -> Frame:
         """Images and rover mask as lenses without distortion would show them."""

@@ -41,6 +41,10 @@ class RowAlignment:
         sides = np.array([0, camera.width - 1]) - camera.cx
         return float(np.abs(self.offset_px + self.turn * sides).max())
 
+    def mirrored(self) -> RowAlignment:
+        """Return the same for images with their rows in reverse order."""
+        return RowAlignment(-self.offset_px, -self.turn)
+
     def reduced(self, reduction: float) -> RowAlignment:
         """Return the same for images reduced by a factor."""
         return replace(self, offset_px=self.offset_px / reduction)

@@ -83,16 +83,35 @@ def obstacle_grid(
     return ObstacleGrid(cells, cell_m, -below_m * up - half * cell_m * axes[1], axes)
 
 
-def unknown_grid(cell_m: float, extent_m: float) -> ObstacleGrid:
+def unknown_grid(cell_m: float, extent_m: float, *, upside_down: bool = False) -> ObstacleGrid:
     """Make a grid of unknown cells, at the height of a level camera.
 
     Parameters
     ----------
     cell_m, extent_m : float
         See `obstacle_grid`.
+    upside_down : bool
+        Whether the camera is mounted upside down.
     """
     nothing = np.zeros((0, 3), np.float32)
-    return obstacle_grid(nothing, nothing, _LEVEL, cell_m, extent_m)
+    ground = _LEVEL.mirrored() if upside_down else _LEVEL
+    return obstacle_grid(nothing, nothing, ground, cell_m, extent_m)
+
+
+def mirrored_grid(grid: ObstacleGrid) -> ObstacleGrid:
+    """Return a grid of images with their rows in reverse order as that of the images themselves.
+
+    Left and right of the ground are exchanged, so the first row becomes the last.
+    """
+    mirror = np.array([1.0, -1.0, 1.0])
+    across_m = len(grid.cells) * grid.cell_m * grid.axes[1]
+    forward, left, up = grid.axes * mirror
+    return ObstacleGrid(
+        np.ascontiguousarray(grid.cells[::-1]),
+        grid.cell_m,
+        (grid.origin_m + across_m) * mirror,
+        np.stack((forward, -left, up)),
+    )
 
 
 def _forward(up: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from rover_obstacle_detection.evaluation.methods.image_only import ImageOnly
 from rover_obstacle_detection.evaluation.methods.listing import Listing
 from rover_obstacle_detection.evaluation.methods.method import Method
 from rover_obstacle_detection.evaluation.methods.peers import Cloth, Patchwork
+from rover_obstacle_detection.evaluation.methods.upside_down import UpsideDown
 from rover_obstacle_detection.evaluation.methods.wang import Wang
 
 METHODS: dict[str, Callable[[DetectorConfig], Method]] = {
@@ -55,4 +56,8 @@ def make_method(name: str, config: DetectorConfig | None = None) -> Method:
         hint = f' (did you mean {near[0]}?)' if near else ''
         msg = f'method is {name!r}: expected one of {", ".join(METHODS)}{hint}'
         raise ConfigurationError(msg)
-    return METHODS[name](config or DetectorConfig())
+    config = config or DetectorConfig()
+    method = METHODS[name](config)
+    if config.upside_down and not isinstance(method, DetectorMethod):
+        return UpsideDown(method)
+    return method

@@ -46,7 +46,8 @@ def what_is_missing(
         missing.append('left and right images are swapped: exchange the topics')
     if sum(each.upside_down for each in sample.geometry) > half:
         missing.append(
-            'the ground is at the top of the images: turn both by 180 degrees and exchange them'
+            'the ground is at the top of the images: if the camera is mounted upside down, replay '
+            'with --set upside_down=true'
         )
     if sample.unjudgeable and not missing:
         missing.append(f'no sampled pair can be judged: {sample.unjudgeable[0]}')

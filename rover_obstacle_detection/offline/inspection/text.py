@@ -23,6 +23,7 @@ from rover_obstacle_detection.offline.inspection.streams import Stream
 
 _COLUMNS = 80
 _LABEL = 16
+_TOPICS = ('left_image', 'right_image', 'left_info', 'right_info')
 
 
 def inspection_text(bag: BagInspection) -> str:
@@ -80,7 +81,7 @@ def corrected_json(corrected: CorrectedCalibration) -> dict[str, Any]:
 def _camera_json(camera: CameraInspection) -> dict[str, Any]:
     calibration, stereo = camera.calibration, camera.calibration.camera
     return {
-        'topics': asdict(camera.topics),
+        'topics': {name: getattr(camera.topics, name) for name in _TOPICS},
         'left': _stream_json(camera.left),
         'right': _stream_json(camera.right),
         'synchronisation': asdict(camera.synchronisation),

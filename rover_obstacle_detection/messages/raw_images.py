@@ -1,0 +1,65 @@
+"""Which images are raw, and how they are rectified: one rule, live and offline."""
+
+from __future__ import annotations
+
+from rover_obstacle_detection.messages.calibration import StereoCalibration
+from rover_obstacle_detection.messages.rectification import StereoRectification
+
+BY_NAME, ALWAYS, NEVER = RECTIFY = ('by_name', 'always', 'never')
+"""Which images are rectified: those whose names say that they are raw, all, none."""
+
+_TRANSPORT = '/compressed'
+# Folders that drivers put rectified images in, as in ZED's left/color/rect/image.
+_RECTIFIED_FOLDERS = frozenset({'rect', 'rectified'})
+
+
+def base_name(topic: str) -> str:
+    """Return the last part of an image topic in lower case, without its transport."""
+    return topic.removesuffix(_TRANSPORT).rpartition('/')[2].lower()
+
+
+def is_named_rectified(topic: str) -> bool:
+    """Return whether a topic's name says that its images are rectified.
+
+    That is ROS's convention: ``rect`` in the last part of the name. ``rect`` or ``rectified`` as
+    a part of its own counts too.
+    """
+    parts = topic.removesuffix(_TRANSPORT).lower().split('/')
+    return 'rect' in parts[-1] or not _RECTIFIED_FOLDERS.isdisjoint(parts)
+
+
+def are_raw(left_topic: str, right_topic: str, rectify: str = BY_NAME) -> bool:
+    """Return whether the images of two topics are to be rectified.
+
+    Parameters
+    ----------
+    left_topic, right_topic : str
+    rectify : str
+        One of `RECTIFY`.
+    """
+    if rectify == BY_NAME:
+        return not (is_named_rectified(left_topic) and is_named_rectified(right_topic))
+    return rectify == ALWAYS
+
+
+def treatment(
+    rectification: StereoRectification, calibration: StereoCalibration, images: str
+) -> str:
+    """Say what is done with raw images.
+
+    Parameters
+    ----------
+    rectification : StereoRectification
+        Made of the calibration.
+    calibration : StereoCalibration
+    images : str
+        The two topics.
+    """
+    if rectification.is_needed:
+        return (
+            f'{images} are raw images: rectifying them with K, D, R and P of {calibration.source}'
+        )
+    return (
+        f'{images} are raw images, but {calibration.source} has no distortion or rotation: '
+        'they are used as they are'
+    )
