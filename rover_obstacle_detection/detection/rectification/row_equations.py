@@ -63,6 +63,7 @@ class RowEquations:
         self._corner_radius = float(np.hypot(np.abs(x).max(), np.abs(y).max()))
         self._basis = _row_basis(disparity, camera, self._corner_radius)
         self._block_basis = np.stack([self._block_means(each) for each in self._basis])
+        self._unchanged = self._blocks(np.zeros(0))
 
     @property
     def enough_for_lenses(self) -> bool:
@@ -76,12 +77,13 @@ class RowEquations:
 
     def solve(self, count: int) -> Floats:
         """Gauss-Newton solution for the first `count` unknowns, shape (count,)."""
-        change = np.zeros(count)
+        change, blocks = np.zeros(count), self._unchanged
         for _ in range(self._parameters.max_iterations):
-            step, _ = self._blocks(change).fit(count)
+            step, _ = blocks.fit(count)
             change += step
             if np.abs(step).max() < self._parameters.settled_shift_px:
                 break
+            blocks = self._blocks(change)
         return change
 
     def rows(self, change: Floats) -> RowAlignment:
@@ -252,8 +254,8 @@ def _shift_equations(
     difference = left - warped
     difference -= cv2.blur(difference, (parameters.brightness_window_px,) * 2)
     spread = robust_spread(difference[matched]) + 1e-3
-    inlier = matched & (np.abs(difference) < parameters.max_grey_sigmas * spread)
-    inlier = inlier.astype(np.float32)
+    matched_share = matched.astype(np.float32)
+    inlier = matched_share * (np.abs(difference) < parameters.max_grey_sigmas * spread)
     along = cv2.Scharr(warped, cv2.CV_32F, 1, 0, scale=1 / 32) * inlier
     down = cv2.Scharr(warped, cv2.CV_32F, 0, 1, scale=1 / 32) * inlier
     difference *= inlier
@@ -262,8 +264,8 @@ def _shift_equations(
         return np.asarray(cv2.blur(image, (parameters.window_px,) * 2), np.float32)
 
     # Eliminates the window's disparity error; without texture along the row there is none to find.
-    share = mean(along * down) / (mean(along * along) + np.float32(0.01 * spread**2))
-    side = np.where(matched, mean(down * difference) - share * mean(along * difference), 0)
-    weight = mean(down * down) - share * mean(along * down)
-    weight = np.where(matched, np.maximum(weight, 0), 0)
-    return np.asarray(side, np.float32), np.asarray(weight, np.float32)
+    both = mean(along * down)
+    share = both / (mean(along * along) + np.float32(0.01 * spread**2))
+    side = mean(down * difference) - share * mean(along * difference)
+    weight = np.maximum(mean(down * down) - share * both, 0)
+    return side * matched_share, weight * matched_share

@@ -71,26 +71,23 @@ def refine_disparity(
     gradient, difference = _warped_difference(pair, disparity, camera, rows)
     gradient *= weight
     difference *= weight
-    narrowest = parameters.refinement_windows_px[-1]
-    share = np.maximum(_mean(weight, narrowest), np.float32(1 / narrowest**2))
-    deviation = difference - _mean(difference, narrowest) / share
-    grey_noise = _grey_noise(np.asarray(deviation, np.float32), known)
-    images = weight, gradient, difference, gradient * gradient, difference * gradient
+    images = gradient, difference, gradient * gradient, gradient * difference
+    sums = [_window_sums(known, images, window) for window in parameters.refinement_windows_px]
+    grey_noise = _grey_noise(difference, known, sums[-1])
     noise = max(grey_noise, parameters.min_grey_noise)
-    step, prior_share = np.zeros_like(difference), weight
-    for window, prior_px in zip(
-        parameters.refinement_windows_px, parameters.refinement_priors_px, strict=True
-    ):
-        curvature, pull, samples = _normal_equation(images, window, parameters.pixels_per_sample)
+    step = np.zeros_like(difference)
+    for each, prior_px in zip(sums, parameters.refinement_priors_px, strict=True):
         # Texture counts where its gradient exceeds grey-level noise over the expected step.
-        damping = np.float32(noise**2 / prior_px**2) / samples
-        prior_share = np.asarray(damping / (curvature + damping), np.float32)
-        step = pull / (curvature + damping) + step * prior_share
-    step = np.clip(step, -parameters.max_refinement_px, parameters.max_refinement_px)
-    refined = np.where(known, np.maximum(disparity - step, np.float32(1e-3)), 0).astype(np.float32)
-    noise_px = np.float32(parameters.untextured_noise_px) * prior_share * np.sqrt(prior_share)
-    noise_px *= _distant_texture_factor(pair[0], grey_noise, parameters)
-    noise_px = np.hypot(noise_px, np.float32(parameters.min_noise_px))
+        damping = np.float32(parameters.pixels_per_sample * noise**2 / prior_px**2)
+        curvature, pull = _normal_equation(each)
+        curvature += damping
+        step *= damping
+        step += pull
+        step /= curvature
+    np.clip(step, -parameters.max_refinement_px, parameters.max_refinement_px, out=step)
+    refined = np.maximum(disparity - step, np.float32(1e-3))
+    refined *= weight
+    noise_px = _noise_px(damping / curvature, pair[0], grey_noise, parameters)
     return RefinedDisparity(refined, noise_px, grey_noise)
 
 
@@ -108,26 +105,40 @@ def _warped_difference(
     return gradient, left - _sampled(right, source_columns, source_rows, cv2.INTER_CUBIC)
 
 
-def _normal_equation(
-    images: tuple[Image, ...], window_px: int, pixels_per_sample: float
-) -> tuple[Image, Image, Image]:
-    """Curvature and pull of the squared difference in each window, and its independent samples.
+def _window_sums(
+    known: NDArray[np.bool_], images: tuple[Image, ...], window_px: int
+) -> tuple[Image, ...]:
+    """Matched pixels in each window, at least 1, and the sums of the images."""
+    count = _sum(known.view(np.uint8), window_px)
+    np.maximum(count, np.float32(1), out=count)
+    return count, *(_sum(image, window_px) for image in images)
 
-    ``images`` are the weight (1 where matched), gradient and difference times it, and their
-    products.
+
+def _normal_equation(sums: tuple[Image, ...]) -> tuple[Image, Image]:
+    """Curvature and pull of the squared difference in each window, summed over its pixels.
+
+    The sums are those of the count, the gradient, the difference, and their products.
     """
-    share = np.maximum(_mean(images[0], window_px), np.float32(1 / window_px**2))
-    gradient, difference, squares, products = (
-        _mean(each, window_px) / share for each in images[1:]
-    )
-    curvature = np.maximum(squares - gradient * gradient, np.float32(0))
-    pull = products - difference * gradient
-    samples = share * np.float32(window_px * window_px / pixels_per_sample)
-    return (
-        np.asarray(curvature, np.float32),
-        np.asarray(pull, np.float32),
-        np.asarray(samples, np.float32),
-    )
+    count, gradient, difference, squares, products = sums
+    mean = gradient / count
+    pull = products - mean * difference
+    mean *= gradient
+    curvature = squares - mean
+    np.maximum(curvature, np.float32(0), out=curvature)
+    return curvature, pull
+
+
+def _noise_px(
+    prior_share: Image, grey: NDArray[np.uint8], grey_noise: float, parameters: StereoParameters
+) -> Image:
+    """Noise of the disparity, from how far each step was damped towards the prior."""
+    noise_px = np.sqrt(prior_share)
+    noise_px *= prior_share
+    noise_px *= np.float32(parameters.untextured_noise_px)
+    noise_px *= _distant_texture_factor(grey, grey_noise, parameters)
+    noise_px *= noise_px
+    noise_px += np.float32(parameters.min_noise_px**2)
+    return np.sqrt(noise_px, out=noise_px)
 
 
 def _distant_texture_factor(
@@ -135,23 +146,35 @@ def _distant_texture_factor(
 ) -> Image:
     """Factor by which the noise grows where a wide window shows little texture."""
     size = (parameters.distant_texture_window_px,) * 2
-    mean = cv2.blur(grey.astype(np.float32), size)
-    variance = cv2.sqrBoxFilter(grey, cv2.CV_32F, size) - mean * mean
+    variance = np.asarray(cv2.sqrBoxFilter(grey, cv2.CV_32F, size), np.float32)
+    mean = cv2.boxFilter(grey, cv2.CV_32F, size)
+    variance -= cv2.multiply(mean, mean, dst=mean)
     # The difference of two images has twice the variance of each.
-    noise_variance = np.float32(max(grey_noise, parameters.min_grey_noise) ** 2 / 2)
-    signal = np.sqrt(np.maximum(variance / noise_variance - 1, 0))
-    missing = np.maximum(1 - signal / parameters.distant_texture_signal, 0)
-    return np.asarray(1 + parameters.distant_texture_noise * missing, np.float32)
+    variance /= np.float32(max(grey_noise, parameters.min_grey_noise) ** 2 / 2)
+    variance -= 1
+    signal = np.sqrt(np.maximum(variance, 0, out=variance), out=variance)
+    signal /= np.float32(-parameters.distant_texture_signal)
+    signal += 1
+    missing = np.maximum(signal, 0, out=signal)
+    missing *= np.float32(parameters.distant_texture_noise)
+    missing += 1
+    return missing
 
 
-def _grey_noise(difference: Image, known: NDArray[np.bool_]) -> float:
+def _grey_noise(
+    difference: Image, known: NDArray[np.bool_], sums: tuple[Image, ...]
+) -> float:
+    """Spread of the difference around its mean in each window."""
     # A ninth of the pixels is enough for a median.
-    sample = difference[::3, ::3][known[::3, ::3]]
+    every = np.s_[::3, ::3]
+    count, _, total, *_ = sums
+    sample = (difference[every] - total[every] / count[every])[known[every]]
     return robust_spread(sample) if sample.size else 1.0
 
 
-def _mean(image: Image, window_px: int) -> Image:
-    return np.asarray(cv2.blur(image, (window_px, window_px)), np.float32)
+def _sum(image: cv2.typing.MatLike, window_px: int) -> Image:
+    size = (window_px, window_px)
+    return np.asarray(cv2.boxFilter(image, cv2.CV_32F, size, normalize=False), np.float32)
 
 
 def _sampled(image: cv2.typing.MatLike, columns: Image, rows: Image, interpolation: int) -> Image:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.images.robust import quantile
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import (
@@ -60,7 +61,7 @@ def residual_range(
     # A match at x - r meets a tilted plane where it has less disparity, so it takes a larger r.
     residual /= min(max(1 - plane.slope_u, 0.5), 1.0)
     tail = parameters.tail_share
-    low, high = np.quantile(residual, (tail, 1 - tail)) * reduction
+    low, high = (quantile(residual, each) * reduction for each in (tail, 1 - tail))
     # Images that do not belong together have residuals of any size.
     widest = camera.width * reduction / 2
     low, high = max(low, -widest), min(high, widest)
