@@ -51,10 +51,7 @@ class RowEquations:
         self._known_rows = known.rows.reduced(reduced.reduction)
         self._known_lenses = known.lenses
         self._matched = disparity > 0
-        columns = np.arange(camera.width, dtype=np.float32)
-        self._right_rows = self._known_rows.rows(camera, columns)
-        right_columns = columns - disparity - np.float32(camera.disparity_offset)
-        self._right_columns = right_columns - self._known_rows.added_disparity(camera)
+        self._right_columns, self._right_rows = self._known_rows.places(disparity, camera)
         self._left, self._right = (
             np.asarray(cv2.GaussianBlur(image, (0, 0), parameters.smoothing_px), np.float32)
             for image in reduced.pair
