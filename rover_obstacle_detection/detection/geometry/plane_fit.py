@@ -287,17 +287,22 @@ def _costs(
     """Weighted mean of the truncated squared residuals of each plane."""
     thin = slice(None, None, max(1, len(points) // parameters.scored_points))
     weight = (weights[thin] / weights[thin].sum()).astype(np.float32)
-    heights, variance = _heights(
-        planes.astype(np.float32), points[thin].astype(np.float32), camera, parameters
-    )
+    points = points[thin].astype(np.float32)
     most = np.float32(parameters.max_deviation**2)
-    below = heights < 0
-    cost = np.square(heights, out=heights)
-    cost /= variance
-    below &= cost > most
-    np.minimum(cost, most, out=cost)
-    cost[below] *= np.float32(parameters.below_weight)
-    return np.asarray(cost @ weight, np.float64)
+
+    def costs(some: NDArray[np.float32]) -> NDArray[np.float32]:
+        heights, variance = _heights(some, points, camera, parameters)
+        below = heights < 0
+        cost = np.square(heights, out=heights)
+        cost /= variance
+        below &= cost > most
+        np.minimum(cost, most, out=cost)
+        cost[below] *= np.float32(parameters.below_weight)
+        return np.asarray(cost @ weight)
+
+    # A few at a time, for the cache.
+    parts = np.array_split(planes.astype(np.float32), max(1, len(planes) // 50))
+    return np.concatenate([costs(some) for some in parts])
 
 
 def _reweighted(
