@@ -1,4 +1,4 @@
-"""Work on an image in strips of rows: small arrays stay in the cache, and threads share the work."""
+"""Work on an image in strips of rows: small arrays stay in the cache, and threads share them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import cv2
-import numpy as np
 from numpy.typing import NDArray
 
 Result = TypeVar('Result')
@@ -41,9 +40,7 @@ class Strip:
         return image[first : first + self.rows.stop - self.rows.start]
 
 
-def in_strips(
-    work: Callable[[Strip], Result], height: int, reach: int = 0
-) -> list[Result]:
+def in_strips(work: Callable[[Strip], Result], height: int, reach: int = 0) -> list[Result]:
     """Do the work on each strip, in two threads unless OpenCV is limited to one.
 
     Parameters
@@ -53,7 +50,7 @@ def in_strips(
     height : int
         Of the image.
     reach : int
-        Rows that its windows reach beyond a strip, even.
+        Rows that its windows reach beyond a strip; even where it looks at every second row.
 
     Returns
     -------

@@ -205,7 +205,7 @@ class Blocks:
         normal_matrix = weighted @ basis.T + self.parameters.ridge * np.identity(count)
         # On a few unknowns, np.linalg.solve takes ten times longer.
         _, solution = cv2.solve(normal_matrix, weighted @ self.shift_px[:, np.newaxis])
-        return np.asarray(solution).ravel()
+        return np.asarray(solution, np.float64).ravel()
 
 
 def _row_basis(disparity: Image, camera: StereoCamera, corner_radius: float) -> Image:
@@ -268,4 +268,5 @@ def _shift_equations(
     share = both / (mean(along * along) + np.float32(0.01 * spread**2))
     side = mean(down * difference) - share * mean(along * difference)
     weight = np.maximum(mean(down * down) - share * both, 0)
-    return side * matched_share, weight * matched_share
+    side, weight = side * matched_share, weight * matched_share
+    return np.asarray(side, np.float32), np.asarray(weight, np.float32)

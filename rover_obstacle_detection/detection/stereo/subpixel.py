@@ -120,7 +120,8 @@ def _damped_step(
     """
     images = gradient, difference, gradient * gradient, gradient * difference
     noise = max(grey_noise, parameters.min_grey_noise)
-    step, damping, curvature = np.float32(0), np.float32(0), np.ones(1, np.float32)
+    step: Image = np.zeros((1, 1), np.float32)
+    prior_share = step
     for window, prior_px in zip(
         parameters.refinement_windows_px, parameters.refinement_priors_px, strict=True
     ):
@@ -131,22 +132,18 @@ def _damped_step(
         curvature += damping
         pull += step * damping
         pull /= curvature
-        step = pull
-    most = parameters.max_refinement_px
-    return np.clip(step, -most, most), damping / curvature
+        step, prior_share = pull, np.asarray(damping / curvature, np.float32)
+    most = np.float32(parameters.max_refinement_px)
+    return np.clip(step, -most, most), prior_share
 
 
 def _window_sums(
     known: NDArray[np.bool_], images: tuple[Image, ...], window_px: int
 ) -> tuple[Image, ...]:
-    """Matched pixels in each window, at least 1, and the sums of the images."""
-    count, *sums = (
-        np.asarray(
-            cv2.boxFilter(each, cv2.CV_32F, (window_px, window_px), normalize=False), np.float32
-        )
-        for each in (known.view(np.uint8), *images)
-    )
-    return np.maximum(count, np.float32(1), out=count), *sums
+    """Count the matched pixels in each window, at least 1, and sum the images."""
+    count = _sum(known.view(np.uint8), window_px)
+    np.maximum(count, np.float32(1), out=count)
+    return count, *(_sum(each, window_px) for each in images)
 
 
 def _normal_equation(
@@ -183,6 +180,11 @@ def _distant_texture_factor(
     signal = np.sqrt(np.maximum(variance / noise_variance - 1, 0))
     missing = np.maximum(1 - signal / np.float32(parameters.distant_texture_signal), 0)
     return np.asarray(1 + np.float32(parameters.distant_texture_noise) * missing, np.float32)
+
+
+def _sum(image: cv2.typing.MatLike, window_px: int) -> Image:
+    size = (window_px, window_px)
+    return np.asarray(cv2.boxFilter(image, cv2.CV_32F, size, normalize=False), np.float32)
 
 
 def _sampled(image: cv2.typing.MatLike, columns: Image, rows: Image, interpolation: int) -> Image:

@@ -134,14 +134,10 @@ class _View(NamedTuple):
         )
 
     def warped(self, disparity: Image) -> Grey:
-        """The right image as the left camera would show it in this part."""
-        places = self.alignment.places(
-            disparity, self.camera, self.rows.start, self.columns.start
-        )
+        """Show the right image as the left camera would, in this part."""
+        places = self.alignment.places(disparity, self.camera, self.rows.start, self.columns.start)
         return np.asarray(
-            cv2.remap(
-                self.pair[1], *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-            ),
+            cv2.remap(self.pair[1], *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
             np.uint8,
         )
 
@@ -199,7 +195,7 @@ class _Windows:
         """Zero-mean normalised cross-correlation."""
         correlation = self._mean(cv2.multiply(self._left, self._right, dtype=cv2.CV_32F))
         correlation -= self._left_mean * self._right_mean
-        variances = np.maximum(self._left_variance, 0)
+        variances = np.asarray(np.maximum(self._left_variance, 0), np.float32)
         variances *= np.maximum(self._right_variance, 0)
         variances += np.float32(1e-3)
         correlation /= np.sqrt(variances, out=variances)
