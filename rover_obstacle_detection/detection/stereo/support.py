@@ -195,17 +195,18 @@ class _Windows:
         """Zero-mean normalised cross-correlation."""
         correlation = self._mean(cv2.multiply(self._left, self._right, dtype=cv2.CV_32F))
         correlation -= self._left_mean * self._right_mean
-        variances = np.asarray(np.maximum(self._left_variance, 0), np.float32)
+        variances = np.maximum(self._left_variance, 0)
         variances *= np.maximum(self._right_variance, 0)
         variances += np.float32(1e-3)
         correlation /= np.sqrt(variances, out=variances)
         return correlation
 
     def _variance(self, image: Grey, mean: Image) -> Image:
-        variance = cv2.sqrBoxFilter(image, cv2.CV_32F, self._window, normalize=False)
+        squares = cv2.sqrBoxFilter(image, cv2.CV_32F, self._window, normalize=False)
+        variance = np.asarray(squares, np.float32)
         variance *= self._per_pixel
         variance -= np.square(mean)
-        return np.asarray(variance, np.float32)
+        return variance
 
     def _mean(self, image: cv2.typing.MatLike) -> Image:
         mean = self._sum(image)
