@@ -266,17 +266,19 @@ def _box(mask: Mask, reach_px: int) -> tuple[slice, slice]:
 
 def _plain_areas(left: Grey, bare: Mask, least: np.float32, parameters: SupportParameters) -> Mask:
     """Areas of bare pixels with at least one that shows no texture in a wider window either."""
-    if not bare.any():
-        return bare
+    areas = np.zeros_like(bare)
+    box = _box(bare, max(parameters.plain_window_px, parameters.window_px) // 2)
+    bare, left = bare[box], left[box]
+    if not bare.size:
+        return areas
     core = bare & (_variance(left, parameters.plain_window_px) <= least)
-    if not core.any():
-        return np.asarray(core)
     count, labels = cv2.connectedComponents(bare.astype(np.uint8), connectivity=8)
     plain = np.bincount(labels[core], minlength=count) > 0
     plain[0] = False
     # A window at the rim of the area sees what surrounds it.
     kernel = np.ones((parameters.window_px,) * 2, np.uint8)
-    return np.asarray(cv2.dilate(plain[labels].astype(np.uint8), kernel) > 0)
+    areas[box] = cv2.dilate(plain[labels].astype(np.uint8), kernel) > 0
+    return areas
 
 
 def _clear(noise: float, parameters: SupportParameters) -> np.float32:
