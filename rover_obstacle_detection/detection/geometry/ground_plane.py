@@ -93,9 +93,11 @@ class DisparityPlane:
         ndarray of float32, shape (height, width)
             Pixels; below 0 above the horizon.
         """
-        columns = (np.arange(camera.width) - camera.cx)[np.newaxis]
-        rows = (np.arange(camera.height) - camera.cy)[:, np.newaxis]
-        return (self.slope_u * columns + self.slope_v * rows + self.level).astype(np.float32)
+        columns = self.slope_u * (np.arange(camera.width) - camera.cx)[np.newaxis]
+        rows = self.slope_v * (np.arange(camera.height) - camera.cy)[:, np.newaxis]
+        disparity = np.empty(camera.shape, np.float32)
+        np.add(columns, rows + self.level, out=disparity, casting='same_kind')
+        return disparity
 
     def in_space(self, camera: StereoCamera, gravity: Gravity | None) -> GroundPlane:
         """Convert the plane to space.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
+from rover_obstacle_detection.detection.images.robust import quantile
 
 
 def estimate_ground(
@@ -46,7 +48,7 @@ def estimate_ground(
     min_disparity = camera.disparity_at(parameters.max_range_m)
     matched = disparity[disparity > min_disparity]
     if matched.size:
-        min_disparity = float(np.quantile(matched, 1 - parameters.near_share))
+        min_disparity = quantile(matched, 1 - parameters.near_share)
     plane = fit_ground_plane(
         disparity, camera, parameters, min_disparity=min_disparity, gravity=gravity
     )
@@ -180,7 +182,7 @@ def _nearness(
     right, down = (-gravity.up[0], -gravity.up[1]) if gravity else (0.0, 1.0)
     length = math.hypot(right, down) + 1e-9
     position = points[:, :2] @ (right / length, down / length)
-    lowest = np.quantile(position, 1 - parameters.lowest_share)
+    lowest = quantile(position, 1 - parameters.lowest_share)
     rise = np.maximum(lowest - position, 0) / camera.height
     weights = np.exp(-rise / nearness_rows)
     return np.asarray(weights / weights.sum())
@@ -255,20 +257,24 @@ def _sine(angle_deg: float) -> float:
     return math.sin(math.radians(angle_deg))
 
 
-def _scaled_heights(
-    planes: NDArray[np.float64],
-    points: NDArray[np.float64],
+def _heights(
+    planes: NDArray[Any],
+    points: NDArray[Any],
     camera: StereoCamera,
     parameters: PlaneFitParameters,
-) -> NDArray[np.float64]:
-    """Height of each point above each plane, in units of tolerance and noise combined."""
-    height_m = _in_space(planes, camera)[1]
-    expected = planes[:, :2] @ points[:, :2].T + planes[:, 2:]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Height of each point above each plane, relative to the camera's height, and its variance.
+
+    Variance comes from tolerance and noise combined.
+    """
+    height_m = _in_space(planes, camera)[1].astype(planes.dtype)
+    inverse = 1 / points[:, 2]
     # Relative to the plane's own height, each point needs only one division.
-    ratio = 1.0 - expected / points[:, 2]
-    noise = parameters.disparity_noise_px / points[:, 2]
+    design = np.stack((points[:, 0] * inverse, points[:, 1] * inverse, inverse))
+    heights = planes @ design
+    np.subtract(1, heights, out=heights)
     tolerance = (parameters.tolerance_m / height_m)[:, np.newaxis]
-    return np.asarray(ratio / np.sqrt(tolerance * tolerance + noise * noise))
+    return heights, np.square(tolerance) + np.square(parameters.disparity_noise_px * inverse)
 
 
 def _costs(
@@ -280,11 +286,23 @@ def _costs(
 ) -> NDArray[np.float64]:
     """Weighted mean of the truncated squared residuals of each plane."""
     thin = slice(None, None, max(1, len(points) // parameters.scored_points))
-    heights = _scaled_heights(planes, points[thin], camera, parameters)
-    limit = parameters.max_deviation
-    cost = np.minimum(heights**2, limit**2)
-    cost = np.where(heights < -limit, parameters.below_weight * cost, cost)
-    return np.asarray(cost @ weights[thin] / weights[thin].sum())
+    weight = (weights[thin] / weights[thin].sum()).astype(np.float32)
+    points = points[thin].astype(np.float32)
+    most = np.float32(parameters.max_deviation**2)
+
+    def costs(some: NDArray[np.float32]) -> NDArray[np.float32]:
+        heights, variance = _heights(some, points, camera, parameters)
+        below = heights < 0
+        cost = np.square(heights, out=heights)
+        cost /= variance
+        below &= cost > most
+        np.minimum(cost, most, out=cost)
+        cost[below] *= np.float32(parameters.below_weight)
+        return np.asarray(cost @ weight)
+
+    # A few at a time, for the cache.
+    parts = np.array_split(planes.astype(np.float32), max(1, len(planes) // 50))
+    return np.concatenate([costs(some) for some in parts])
 
 
 def _reweighted(
@@ -295,12 +313,10 @@ def _reweighted(
     parameters: PlaneFitParameters,
 ) -> NDArray[np.float64]:
     """Take one step of least squares, weighted by the residuals of the given plane."""
-    heights = _scaled_heights(plane[np.newaxis], points, camera, parameters)[0]
-    # Relief is noise in height, and matching noise in disparity.
-    height_m = _in_space(plane[np.newaxis], camera)[1]
-    relief_px = parameters.tolerance_m / height_m * points[:, 2]
-    variance = relief_px**2 + parameters.disparity_noise_px**2
-    weight = weights / ((1.0 + heights**2) ** 2 * variance)
+    (heights,), (variance,) = _heights(plane[np.newaxis], points, camera, parameters)
+    # In disparity, relief shrinks with the square of the distance.
+    weight = weights / (np.square(1 + np.square(heights) / variance) * variance)
+    weight /= np.square(points[:, 2])
     design = np.column_stack((points[:, :2], np.ones(len(points))))
     normal_matrix = design.T @ (design * weight[:, np.newaxis])
     return np.linalg.solve(normal_matrix, design.T @ (weight * points[:, 2]))

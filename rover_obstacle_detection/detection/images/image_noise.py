@@ -26,8 +26,8 @@ def image_noise(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
     Immerkær 1996: the difference of two Laplacians ignores edges and grey-level ramps. The median
     replaces his mean, so that rich texture does not count as noise.
     """
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-    response = cv2.filter2D(grey, cv2.CV_16S, kernel)
+    second_difference = np.array([1, -2, 1], np.float32)
+    response = cv2.sepFilter2D(grey, cv2.CV_16S, second_difference, second_difference)
     return max(parameters.min_noise, _exposed_spread(response, grey, parameters) / 6)
 
 
@@ -41,25 +41,6 @@ def gradient_level(grey: NDArray[np.uint8], parameters: ImageParameters) -> floa
     """
     gradient = cv2.Scharr(grey, cv2.CV_16S, 1, 0)
     return max(parameters.min_gradient, _exposed_spread(gradient, grey, parameters) / 32)
-
-
-def exposed(grey: NDArray[np.uint8], parameters: ImageParameters) -> NDArray[np.bool_]:
-    """Find the pixels that are neither black nor saturated.
-
-    Parameters
-    ----------
-    grey : ndarray of uint8, shape (height, width)
-    parameters : ImageParameters
-
-    Returns
-    -------
-    ndarray of bool, shape (height, width)
-        True everywhere if too few pixels are well exposed.
-    """
-    mean = cv2.blur(grey, (parameters.exposure_window_px,) * 2)
-    inside = (mean > parameters.black_grey_level) & (mean < parameters.white_grey_level)
-    enough = inside.mean() > parameters.min_exposed_share
-    return np.asarray(inside if enough else np.ones_like(inside))
 
 
 def noise_share(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
@@ -121,7 +102,14 @@ def remaining_noise(share: float, parameters: ImageParameters) -> float:
 def _exposed_spread(
     values: cv2.typing.MatLike, grey: NDArray[np.uint8], parameters: ImageParameters
 ) -> float:
-    """Estimate the spread of values over a sample of the well-exposed pixels."""
-    where = exposed(grey, parameters)
-    thin = max(1, math.isqrt(where.size // parameters.noise_samples))
-    return robust_spread(np.asarray(values)[::thin, ::thin][where[::thin, ::thin]])
+    """Estimate the spread of values over a sample of the pixels neither black nor saturated.
+
+    Over all of the sample if too few are well exposed.
+    """
+    thin = max(1, math.isqrt(grey.size // parameters.noise_samples))
+    every = np.s_[::thin, ::thin]
+    mean = np.asarray(cv2.blur(grey, (parameters.exposure_window_px,) * 2))[every]
+    exposed = (mean > parameters.black_grey_level) & (mean < parameters.white_grey_level)
+    sample = np.asarray(values)[every]
+    enough = exposed.mean() > parameters.min_exposed_share
+    return robust_spread(sample[exposed] if enough else sample)

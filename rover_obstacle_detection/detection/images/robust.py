@@ -1,7 +1,8 @@
-"""Spread of noisy values that outliers do not distort."""
+"""Spread and quantiles of noisy values, which outliers do not distort."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -25,4 +26,22 @@ def robust_spread(values: NDArray[Any]) -> float:
     """
     if not values.size:
         return 0.0
-    return _DEVIATION_PER_MEDIAN * float(np.median(np.abs(values)))
+    return _DEVIATION_PER_MEDIAN * quantile(np.abs(values), 0.5)
+
+
+def quantile(values: NDArray[Any], share: float) -> float:
+    """Compute what `np.quantile` does, several times faster.
+
+    Parameters
+    ----------
+    values : ndarray of any number type and shape, not empty, without NaN
+    share : float
+        0 to 1.
+    """
+    place = share * (values.size - 1)
+    below = math.floor(place)
+    # Only with a single index does NumPy partition in vector registers.
+    ordered = np.partition(values, below, axis=None)
+    lower = float(ordered[below])
+    upper = float(ordered[below + 1 :].min()) if place > below else lower
+    return lower + (place - below) * (upper - lower)

@@ -22,10 +22,10 @@ def texture_level(grey: NDArray[np.uint8], parameters: ImageParameters) -> float
     grey : ndarray of uint8, shape (height, width)
     parameters : ImageParameters
     """
-    image = grey.astype(np.float32)
-    deviation = cv2.absdiff(image, cv2.blur(image, (parameters.texture_window_px,) * 2))
     thin = max(1, math.isqrt(grey.size // parameters.texture_samples))
-    return max(parameters.min_texture, robust_spread(deviation[::thin, ::thin]))
+    every = np.s_[::thin, ::thin]
+    mean = cv2.boxFilter(grey, cv2.CV_32F, (parameters.texture_window_px,) * 2)
+    return max(parameters.min_texture, robust_spread(grey[every] - np.asarray(mean)[every]))
 
 
 def untextured(grey: NDArray[np.uint8], size_px: int, min_difference: float) -> NDArray[np.bool_]:

@@ -25,6 +25,32 @@ class RowAlignment:
     offset_px: float = 0.0
     turn: float = 0.0
 
+    def places(
+        self,
+        disparity: NDArray[np.float32],
+        camera: StereoCamera,
+        first_row: int = 0,
+        first_column: int = 0,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Column and row in the right image of each pixel of the left one, or of a part of it.
+
+        Parameters
+        ----------
+        disparity : ndarray of float32, shape (height, width)
+            Of the part, pixels, without the camera's offset.
+        camera : StereoCamera
+        first_row, first_column : int
+            Where the part begins.
+        """
+        last_row, last_column = np.add(disparity.shape, (first_row, first_column))
+        rows = np.arange(first_row, last_row, dtype=np.float32)
+        columns = np.arange(first_column, last_column, dtype=np.float32)
+        added = np.float32(self.turn) * (rows - np.float32(camera.cy))
+        right_columns = columns - disparity
+        right_columns -= (added + np.float32(camera.disparity_offset))[:, np.newaxis]
+        shift = self.offset_px + self.turn * (columns - np.float32(camera.cx))
+        return right_columns, rows[:, np.newaxis] + shift.astype(np.float32)
+
     def rows(self, camera: StereoCamera, columns: NDArray[np.float32]) -> NDArray[np.float32]:
         """Row in the right image of each pixel of the given columns, shape (height, columns)."""
         shift = self.offset_px + self.turn * (columns - np.float32(camera.cx))

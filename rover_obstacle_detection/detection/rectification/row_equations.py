@@ -51,10 +51,7 @@ class RowEquations:
         self._known_rows = known.rows.reduced(reduced.reduction)
         self._known_lenses = known.lenses
         self._matched = disparity > 0
-        columns = np.arange(camera.width, dtype=np.float32)
-        self._right_rows = self._known_rows.rows(camera, columns)
-        right_columns = columns - disparity - np.float32(camera.disparity_offset)
-        self._right_columns = right_columns - self._known_rows.added_disparity(camera)
+        self._right_columns, self._right_rows = self._known_rows.places(disparity, camera)
         self._left, self._right = (
             np.asarray(cv2.GaussianBlur(image, (0, 0), parameters.smoothing_px), np.float32)
             for image in reduced.pair
@@ -63,6 +60,7 @@ class RowEquations:
         self._corner_radius = float(np.hypot(np.abs(x).max(), np.abs(y).max()))
         self._basis = _row_basis(disparity, camera, self._corner_radius)
         self._block_basis = np.stack([self._block_means(each) for each in self._basis])
+        self._unchanged = self._blocks(np.zeros(0))
 
     @property
     def enough_for_lenses(self) -> bool:
@@ -76,12 +74,13 @@ class RowEquations:
 
     def solve(self, count: int) -> Floats:
         """Gauss-Newton solution for the first `count` unknowns, shape (count,)."""
-        change = np.zeros(count)
+        change, blocks = np.zeros(count), self._unchanged
         for _ in range(self._parameters.max_iterations):
-            step, _ = self._blocks(change).fit(count)
+            step, _ = blocks.fit(count)
             change += step
             if np.abs(step).max() < self._parameters.settled_shift_px:
                 break
+            blocks = self._blocks(change)
         return change
 
     def rows(self, change: Floats) -> RowAlignment:
@@ -202,8 +201,11 @@ class Blocks:
 
     def _solved(self, count: int, weight: Floats) -> Floats:
         basis = self.basis[:count]
-        normal_matrix = (basis * weight) @ basis.T + self.parameters.ridge * np.identity(count)
-        return np.asarray(np.linalg.solve(normal_matrix, basis @ (weight * self.shift_px)))
+        weighted = basis * weight
+        normal_matrix = weighted @ basis.T + self.parameters.ridge * np.identity(count)
+        # On a few unknowns, np.linalg.solve takes ten times longer.
+        _, solution = cv2.solve(normal_matrix, weighted @ self.shift_px[:, np.newaxis])
+        return np.asarray(solution, np.float64).ravel()
 
 
 def _row_basis(disparity: Image, camera: StereoCamera, corner_radius: float) -> Image:
@@ -252,8 +254,8 @@ def _shift_equations(
     difference = left - warped
     difference -= cv2.blur(difference, (parameters.brightness_window_px,) * 2)
     spread = robust_spread(difference[matched]) + 1e-3
-    inlier = matched & (np.abs(difference) < parameters.max_grey_sigmas * spread)
-    inlier = inlier.astype(np.float32)
+    matched_share = matched.astype(np.float32)
+    inlier = matched_share * (np.abs(difference) < parameters.max_grey_sigmas * spread)
     along = cv2.Scharr(warped, cv2.CV_32F, 1, 0, scale=1 / 32) * inlier
     down = cv2.Scharr(warped, cv2.CV_32F, 0, 1, scale=1 / 32) * inlier
     difference *= inlier
@@ -262,8 +264,9 @@ def _shift_equations(
         return np.asarray(cv2.blur(image, (parameters.window_px,) * 2), np.float32)
 
     # Eliminates the window's disparity error; without texture along the row there is none to find.
-    share = mean(along * down) / (mean(along * along) + np.float32(0.01 * spread**2))
-    side = np.where(matched, mean(down * difference) - share * mean(along * difference), 0)
-    weight = mean(down * down) - share * mean(along * down)
-    weight = np.where(matched, np.maximum(weight, 0), 0)
+    both = mean(along * down)
+    share = both / (mean(along * along) + np.float32(0.01 * spread**2))
+    side = mean(down * difference) - share * mean(along * difference)
+    weight = np.maximum(mean(down * down) - share * both, 0)
+    side, weight = side * matched_share, weight * matched_share
     return np.asarray(side, np.float32), np.asarray(weight, np.float32)

@@ -88,16 +88,19 @@ def match_against_ground(
     disparity = warped_disparity(
         frame.pair, camera, np.maximum(expected, 0), search, penalties, parameters, correction.rows
     )
-    # SGBM fills untextured areas from their surroundings, which is wrong in the sky.
-    bare = untextured(frame.pair[0], parameters.sky_window_px, parameters.sky_texture)
-    disparity[(expected <= 0) & bare] = 0
+    sky = expected <= 0
+    if sky.any():
+        # SGBM fills untextured areas from their surroundings, which is wrong there.
+        sky &= untextured(frame.pair[0], parameters.sky_window_px, parameters.sky_texture)
+        disparity[sky] = 0
     if frame.rover_mask is not None:
         disparity[frame.rover_mask] = 0
     unseen = correction.unseen(disparity, camera)
     if unseen is not None:
         disparity[unseen] = 0
-    median = cv2.medianBlur(disparity, 3)
-    return expected, np.where(disparity > 0, median, 0).astype(np.float32)
+    median = np.asarray(cv2.medianBlur(disparity, 3), np.float32)
+    median *= disparity > 0
+    return expected, median
 
 
 def image_penalties(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.images.strips import Strip, in_strips
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.stereo.parameters import SupportParameters
 
@@ -81,43 +83,105 @@ def measure_support(
     surroundings, and nothing supports it.
     """
     p = parameters
-    matched = disparity > 0
-    left, right = pair
-    warped = _warped(right, disparity, camera, rows)
-    near = _Windows(left, warped, matched, p.window_px)
-    near_variance, correlation = near.least_variance, near.correlation()
-    wide_variance = _wide_variance(left, warped, matched, p)
     least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
-    shows = near_variance > least
-    # Above the horizon there is no ground that could continue into what shows nothing.
-    has_signal = shows | ((wide_variance > least) & (expected > 0))
-    contradicted = shows & (correlation < p.min_correlation)
-    contradicted |= _matches_ground(pair, correlation, disparity, expected, camera, rows, p)
-    left_textured, right_textured = (
-        _variance(image, p.window_px) > _clear(each, p)
-        for image, each in zip(pair, noise, strict=True)
-    )
+    masks = [np.empty(disparity.shape, np.bool_) for _ in range(5)]
+
+    def compare(strip: Strip) -> None:
+        view = _View(pair, camera, rows, strip.padded, slice(0, camera.width))
+        part = _compare(view, disparity[strip.padded], expected[strip.padded], least, p)
+        textured = (
+            _variance(image[strip.padded], p.window_px) > _clear(each, p)
+            for image, each in zip(pair, noise, strict=True)
+        )
+        for mask, each in zip(masks, (*part, *textured), strict=True):
+            mask[strip.rows] = strip.inner(each)
+
+    in_strips(compare, camera.height, max(p.window_px, p.wide_window_px) // 4 * 2)
+    supported, bare, alike, left_textured, right_textured = masks
     textured = visible & left_textured
-    agreeing = matched & textured & (correlation > p.agreeing_correlation)
-    judged = max(int(np.count_nonzero(visible)), 1)
-    enough = np.count_nonzero(textured) / judged > p.min_textured_share
+    same = textured & (cv2.absdiff(*pair) <= 1)
+    texture, judged = np.count_nonzero(textured), max(int(np.count_nonzero(visible)), 1)
+    enough = texture / judged > p.min_textured_share
     return Support(
-        supported=matched & has_signal & ~contradicted,
-        plain=_plain_areas(left, ~shows & matched, least, p),
+        supported=supported,
+        plain=_plain_areas(pair[0], bare, least, p),
         left_textured_share=float(left_textured.mean()),
         right_textured_share=float(right_textured.mean()),
-        agreeing_share=np.count_nonzero(agreeing) / textured.sum() if enough else 1.0,
-        same_share=float((cv2.absdiff(left, right)[textured] <= 1).mean()) if enough else 0.0,
+        agreeing_share=np.count_nonzero(alike & textured) / texture if enough else 1.0,
+        same_share=np.count_nonzero(same) / texture if enough else 0.0,
     )
+
+
+class _View(NamedTuple):
+    """A part of the left image, and the right image."""
+
+    pair: GreyPair
+    camera: StereoCamera
+    alignment: RowAlignment
+    rows: slice
+    columns: slice
+
+    @property
+    def left(self) -> Grey:
+        """The part of the left image."""
+        return self.pair[0][self.rows, self.columns]
+
+    def part(self, rows: slice, columns: slice) -> _View:
+        """Return a part of this part."""
+        return self._replace(
+            rows=slice(self.rows.start + rows.start, self.rows.start + rows.stop),
+            columns=slice(self.columns.start + columns.start, self.columns.start + columns.stop),
+        )
+
+    def warped(self, disparity: Image) -> Grey:
+        """Show the right image as the left camera would, in this part."""
+        places = self.alignment.places(disparity, self.camera, self.rows.start, self.columns.start)
+        return np.asarray(
+            cv2.remap(self.pair[1], *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
+            np.uint8,
+        )
+
+
+def _compare(
+    view: _View,
+    disparity: Image,
+    expected: Image,
+    least: np.float32,
+    parameters: SupportParameters,
+) -> tuple[Mask, Mask, Mask]:
+    """Compare both images in some rows.
+
+    Returns
+    -------
+    supported, bare, alike : ndarray of bool, shape (rows, width)
+        Matches that the images support; that show no texture nearby; that look alike.
+    """
+    p = parameters
+    matched = disparity > 0
+    warped = view.warped(disparity)
+    near = _Windows(view.left, warped, matched, p.window_px)
+    shows, correlation = near.least_variance > least, near.correlation()
+    bare = matched & ~shows
+    contradicted = shows & (correlation < p.min_correlation)
+    contradicted |= _matches_ground(view, correlation, disparity, expected, p)
+    has_signal = shows
+    if bare.any():
+        # Above the horizon there is no ground that could continue into what shows nothing.
+        wide_variance = _wide_variance(view.left, warped, matched, p)
+        has_signal = shows | ((wide_variance > least) & (expected > 0))
+    alike = matched & (correlation > p.agreeing_correlation)
+    return matched & has_signal & ~contradicted, bare, alike
 
 
 class _Windows:
     """Two images compared in windows around each pixel, only where the mask says so."""
 
     def __init__(self, left: Grey, right: Grey, compared: Mask, window_px: int) -> None:
-        mask = compared.astype(np.uint8)
+        mask = compared.view(np.uint8)
         self._left, self._right, self._window = left * mask, right * mask, (window_px,) * 2
-        self._per_pixel = 1 / np.maximum(self._sum(mask), np.float32(1))
+        self._per_pixel = self._sum(mask)
+        np.maximum(self._per_pixel, np.float32(1), out=self._per_pixel)
+        np.reciprocal(self._per_pixel, out=self._per_pixel)
         self._left_mean, self._right_mean = self._mean(self._left), self._mean(self._right)
         self._left_variance = self._variance(self._left, self._left_mean)
         self._right_variance = self._variance(self._right, self._right_mean)
@@ -129,17 +193,25 @@ class _Windows:
 
     def correlation(self) -> Image:
         """Zero-mean normalised cross-correlation."""
-        product = cv2.multiply(self._left, self._right, dtype=cv2.CV_32F)
-        covariance = self._mean(product) - self._left_mean * self._right_mean
-        variances = np.maximum(self._left_variance, 0) * np.maximum(self._right_variance, 0)
-        return np.asarray(covariance / np.sqrt(variances + np.float32(1e-3)), np.float32)
+        correlation = self._mean(cv2.multiply(self._left, self._right, dtype=cv2.CV_32F))
+        correlation -= self._left_mean * self._right_mean
+        variances = np.maximum(self._left_variance, 0)
+        variances *= np.maximum(self._right_variance, 0)
+        variances += np.float32(1e-3)
+        correlation /= np.sqrt(variances, out=variances)
+        return correlation
 
     def _variance(self, image: Grey, mean: Image) -> Image:
         squares = cv2.sqrBoxFilter(image, cv2.CV_32F, self._window, normalize=False)
-        return np.asarray(squares * self._per_pixel - mean * mean, np.float32)
+        variance = np.asarray(squares, np.float32)
+        variance *= self._per_pixel
+        variance -= np.square(mean)
+        return variance
 
     def _mean(self, image: cv2.typing.MatLike) -> Image:
-        return np.asarray(self._sum(image) * self._per_pixel, np.float32)
+        mean = self._sum(image)
+        mean *= self._per_pixel
+        return mean
 
     def _sum(self, image: cv2.typing.MatLike) -> Image:
         total = cv2.boxFilter(image, cv2.CV_32F, self._window, normalize=False)
@@ -159,55 +231,59 @@ def _wide_variance(
 
 
 def _matches_ground(
-    pair: GreyPair,
+    view: _View,
     correlation: Image,
     disparity: Image,
     expected: Image,
-    camera: StereoCamera,
-    rows: RowAlignment,
     parameters: SupportParameters,
 ) -> Mask:
     """Pixels away from the ground plane that look just the same on it: texture that repeats."""
     p = parameters
     away = (disparity > 0) & (expected > 0)
     away &= np.abs(disparity - expected) > p.min_repetition_px
-    if not away.any():
-        return np.asarray(away)
-    warped = _warped(pair[1], np.maximum(expected, 0), camera, rows)
-    on_ground = _Windows(pair[0], warped, expected > 0, p.window_px).correlation()
-    alike = on_ground > np.maximum(correlation - p.repetition_tolerance, p.agreeing_correlation)
-    return np.asarray(away & alike)
+    # Often only a few rocks are.
+    box = _box(away, p.window_px // 2)
+    view, expected, correlation = view.part(*box), expected[box], correlation[box]
+    if not expected.size:
+        return away
+    warped = view.warped(np.maximum(expected, 0))
+    on_ground = _Windows(view.left, warped, expected > 0, p.window_px).correlation()
+    least = np.maximum(correlation - p.repetition_tolerance, p.agreeing_correlation)
+    away[box] &= on_ground > least
+    return away
+
+
+def _box(mask: Mask, reach_px: int) -> tuple[slice, slice]:
+    """Rows and columns within reach of the mask; none if it is empty."""
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    if not width:
+        return slice(0, 0), slice(0, 0)
+    last_row, last_column = np.minimum(
+        (top + height + reach_px, left + width + reach_px), mask.shape
+    )
+    return slice(max(top - reach_px, 0), last_row), slice(max(left - reach_px, 0), last_column)
 
 
 def _plain_areas(left: Grey, bare: Mask, least: np.float32, parameters: SupportParameters) -> Mask:
     """Areas of bare pixels with at least one that shows no texture in a wider window either."""
+    areas = np.zeros_like(bare)
+    box = _box(bare, max(parameters.plain_window_px, parameters.window_px) // 2)
+    bare, left = bare[box], left[box]
+    if not bare.size:
+        return areas
     core = bare & (_variance(left, parameters.plain_window_px) <= least)
-    if not core.any():
-        return np.asarray(core)
     count, labels = cv2.connectedComponents(bare.astype(np.uint8), connectivity=8)
     plain = np.bincount(labels[core], minlength=count) > 0
     plain[0] = False
     # A window at the rim of the area sees what surrounds it.
     kernel = np.ones((parameters.window_px,) * 2, np.uint8)
-    return np.asarray(cv2.dilate(plain[labels].astype(np.uint8), kernel) > 0)
+    areas[box] = cv2.dilate(plain[labels].astype(np.uint8), kernel) > 0
+    return areas
 
 
 def _clear(noise: float, parameters: SupportParameters) -> np.float32:
     """Variance above which a window shows clear texture."""
     return np.float32(max(noise, parameters.min_noise) ** 2 * (1 + parameters.clear_signal**2))
-
-
-def _warped(right: Grey, disparity: Image, camera: StereoCamera, rows: RowAlignment) -> Grey:
-    columns = np.arange(camera.width, dtype=np.float32)
-    source = columns[np.newaxis] - disparity - np.float32(camera.disparity_offset)
-    source -= rows.added_disparity(camera)
-    return np.asarray(
-        cv2.remap(
-            right, source, rows.rows(camera, columns), cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        ),
-        np.uint8,
-    )  # fmt: skip
 
 
 def _variance(image: Grey, window_px: int) -> Image:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.images.robust import quantile
+from rover_obstacle_detection.detection.images.strips import Strip, in_strips
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import (
@@ -60,7 +62,7 @@ def residual_range(
     # A match at x - r meets a tilted plane where it has less disparity, so it takes a larger r.
     residual /= min(max(1 - plane.slope_u, 0.5), 1.0)
     tail = parameters.tail_share
-    low, high = np.quantile(residual, (tail, 1 - tail)) * reduction
+    low, high = (quantile(residual, each) * reduction for each in (tail, 1 - tail))
     # Images that do not belong together have residuals of any size.
     widest = camera.width * reduction / 2
     low, high = max(low, -widest), min(high, widest)
@@ -104,18 +106,10 @@ def warped_disparity(
     highest = lowest + count - 1
     before, after = max(highest, 0), max(-lowest, 0)
     wide_left = cv2.copyMakeBorder(pair[0], 0, 0, before, after, cv2.BORDER_REPLICATE)
-    columns = np.arange(-before, camera.width + after, dtype=np.float32)
     # The border continues the plane, so that it shows the right image where there is one.
     wide_expected = cv2.copyMakeBorder(expected, 0, 0, before, after, cv2.BORDER_REPLICATE)
-    source_columns = columns[np.newaxis] - wide_expected - np.float32(camera.disparity_offset)
-    source_columns -= rows.added_disparity(camera)
-    wide_right = cv2.remap(
-        pair[1],
-        source_columns,
-        rows.rows(camera, columns),
-        cv2.INTER_CUBIC,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
+    places = rows.places(np.asarray(wide_expected), camera, first_column=-before)
+    wide_right = cv2.remap(pair[1], *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     fixed = semi_global_match(
         np.asarray(wide_left, np.uint8),
         np.asarray(wide_right, np.uint8),
@@ -123,13 +117,22 @@ def warped_disparity(
         penalties,
         parameters,
     )[:, before : before + camera.width]
-    disparity = fixed.astype(np.float32)
-    disparity *= np.float32(1 / SUBPIXELS)
-    # The match lies at x - r, and the warp moved that pixel by the disparity expected there.
-    disparity += expected - disparity * np.gradient(expected, axis=1)
-    right_column = np.arange(camera.width, dtype=np.float32)[np.newaxis] - disparity
-    right_column -= np.float32(camera.disparity_offset)
-    no_match = (fixed < lowest * SUBPIXELS) | (disparity <= 0)
-    no_match |= (right_column < parameters.block_size_px) | (right_column > camera.width - 1)
-    disparity[no_match] = 0
+    disparity = np.empty(camera.shape, np.float32)
+    right_column = np.arange(camera.width, dtype=np.float32) - np.float32(camera.disparity_offset)
+    # Where the match lies outside the right image.
+    most, least = right_column - parameters.block_size_px, right_column - (camera.width - 1)
+    np.maximum(least, np.float32(0), out=least)
+
+    def measure(strip: Strip) -> None:
+        residual = fixed[strip.rows].astype(np.float32)
+        residual *= np.float32(1 / SUBPIXELS)
+        # The match lies at x - r, and the warp moved that pixel by the disparity expected there.
+        total = residual * np.gradient(expected[strip.rows], axis=1)
+        np.subtract(residual, total, out=total)
+        total += expected[strip.rows]
+        matched = (residual >= lowest) & (total > 0)
+        matched &= (total <= most) & (total >= least)
+        np.multiply(total, matched, out=disparity[strip.rows])
+
+    in_strips(measure, camera.height)
     return disparity

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.images.robust import robust_spread
+from rover_obstacle_detection.detection.images.robust import quantile, robust_spread
 
 
 @pytest.mark.parametrize('sigma', [0.2, 7.0])
@@ -20,3 +20,15 @@ def test_outliers_hardly_count():
 
 def test_spread_of_nothing_is_zero():
     assert robust_spread(np.zeros(0, np.int16)) == 0.0
+
+
+@pytest.mark.parametrize('share', [0.0, 0.002, 0.5, 0.7, 0.998, 1.0])
+@pytest.mark.parametrize('size', [1, 2, 3, 100, 1001])
+@pytest.mark.parametrize('dtype', [np.float32, np.float64, np.int16])
+def test_quantile_is_that_of_numpy(share, size, dtype):
+    values = (np.random.default_rng(size).normal(size=size) * 1000).astype(dtype)
+    assert quantile(values, share) == pytest.approx(np.quantile(values, share), rel=1e-6, abs=1e-4)
+
+
+def test_quantile_takes_an_image_as_a_whole():
+    assert quantile(np.array([[4, 1], [3, 2]], np.uint8), 0.5) == 2.5

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -21,6 +23,28 @@ def test_disparity_added_by_a_turn():
     np.testing.assert_array_equal(
         RowAlignment(0.5, 0.25).added_disparity(CAMERA), [[-0.25], [0], [0.25]]
     )
+
+
+def test_places_in_the_right_image():
+    camera = replace(CAMERA, cx_right=0.25)
+    disparity = np.float32([[0, 1, 2, 3], [1, 1, 1, 1], [0, 0, 0, 0.5]])
+    columns, rows = RowAlignment(0.5, 0.25).places(disparity, camera)
+    # The offset of 0.75, and -0.25, 0 and 0.25 that the turn adds.
+    np.testing.assert_array_equal(
+        columns, [[-0.5, -0.5, -0.5, -0.5], [-1.75, -0.75, 0.25, 1.25], [-1, 0, 1, 1.5]]
+    )
+    np.testing.assert_array_equal(rows[0], [0.25, 0.5, 0.75, 1])
+    np.testing.assert_array_equal(rows[2] - rows[0], 2)
+    assert columns.dtype == rows.dtype == np.float32
+
+
+def test_places_of_a_part():
+    alignment = RowAlignment(0.5, 0.25)
+    disparity = np.arange(12, dtype=np.float32).reshape(CAMERA.shape)
+    whole = alignment.places(disparity, CAMERA)
+    part = alignment.places(disparity[1:, 2:], CAMERA, 1, 2)
+    for one, other in zip(whole, part, strict=True):
+        np.testing.assert_array_equal(one[1:, 2:], other)
 
 
 def test_largest_row_shift():
