@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +96,7 @@ class Terrain:
     pixels_per_metre: Image
     layers: tuple[Layer, ...]
 
-    @property
+    @cached_property
     def measured(self) -> NDArray[np.bool_]:
         """Pixels with a height."""
         return np.isfinite(self.height_m)
