@@ -128,7 +128,7 @@ def high_holes(
         inner[side] = False
     if not inner.any():
         return holes
-    where = inner.take(labels)
+    where = np.asarray(inner.take(np.asarray(labels)), np.bool_)
     owner = labels[where]
     pixels = np.bincount(owner, minlength=count)
     sums = np.bincount(owner, weights=height_m[window][where], minlength=count)

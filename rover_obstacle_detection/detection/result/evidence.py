@@ -110,8 +110,8 @@ def measure_evidence(
     ``n / block_size_px**2`` independent ones, and at least one. The noise is scaled by what the
     disparities of the pair show.
     """
-    where = np.flatnonzero(numbers)
-    owner = numbers.ravel()[where] - 1
+    where = np.flatnonzero(numbers > 0)
+    owner = numbers.ravel()[where].astype(np.intp) - 1
     count = int(numbers.max(initial=0))
     pixels = np.bincount(owner, minlength=count).astype(np.float64)
 
@@ -187,7 +187,7 @@ def _log_odds(probability: NDArray[np.float32], largest: float) -> Floats:
 
 
 def _excess(
-    owner: NDArray[np.int32],
+    owner: NDArray[np.intp],
     excess_m: NDArray[np.float32],
     noise_m: NDArray[np.float32],
     count: int,
@@ -204,7 +204,7 @@ def _excess(
     return np.asarray(ratio * np.sqrt(samples))
 
 
-def _mean_of(owner: NDArray[np.int32], values: NDArray[np.float32], count: int) -> Floats:
+def _mean_of(owner: NDArray[np.intp], values: NDArray[np.float32], count: int) -> Floats:
     pixels = np.bincount(owner, minlength=count)
     return np.asarray(np.bincount(owner, values, minlength=count) / np.maximum(pixels, 1))
 
@@ -217,7 +217,7 @@ def _is_outline(numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
 
 
 def _contrast(
-    owner: NDArray[np.int32],
+    owner: NDArray[np.intp],
     where: NDArray[np.intp],
     grey: NDArray[np.uint8],
     count: int,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,10 +34,10 @@ def one_per_cell(
     """
     if not len(points):
         return np.zeros(0, np.intp)
-    column, row = (
-        np.floor(points @ (axis / cell_m).astype(np.float32)).astype(np.intp)
-        for axis in ground_axes(ground)
-    )
+    axes = np.stack(ground_axes(ground)) / cell_m
+    # Several times as fast as a matrix product with so few columns.
+    cells = np.floor(cv2.transform(points[:, np.newaxis], axes.astype(np.float32)))
+    column, row = cells[:, 0].T.astype(np.intp)
     column -= column.min()
     row -= row.min()
     columns, rows = int(column.max()) + 1, int(row.max()) + 1

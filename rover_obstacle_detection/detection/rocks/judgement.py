@@ -53,29 +53,19 @@ def too_high(
     smooth_m = np.asarray(cv2.blur(height_m, (3, 3)), np.float32)
     drawn = drawn | high_holes(drawn, smooth_m, parameters.hole_share * parameters.max_step_m)
     pixels, owner, count = components(drawn)
-    measured, height_m, noise_m, scale, likely = (
-        each[drawn]
-        for each in (
-            terrain.measured,
-            smooth_m,
-            terrain.noise_m,
-            terrain.pixels_per_metre,
-            probability,
-        )
-    )
     parts = _Parts(
         owner=owner,
         count=count,
         rows=_rows(pixels // drawn.shape[1], owner, count),
-        measured=measured,
-        height_m=height_m,
-        noise_m=noise_m,
-        step_px=scale * np.float32(parameters.max_step_m),
-        probability=likely,
+        measured=terrain.measured[drawn],
+        height_m=smooth_m[drawn],
+        noise_m=terrain.noise_m[drawn],
+        step_px=terrain.pixels_per_metre[drawn] * np.float32(parameters.max_step_m),
+        probability=probability[drawn],
     )
     high = _has_core(parts, parameters) | _looks_high(parts, parameters)
     enough = parameters.min_measured_share * np.bincount(owner, minlength=count)
-    high &= parts.counted(measured) >= enough
+    high &= parts.counted(parts.measured) >= enough
     return marked(drawn.shape, pixels[high[owner]])
 
 

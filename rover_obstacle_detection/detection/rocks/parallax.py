@@ -146,5 +146,4 @@ def _mean_around(difference: NDArray[np.int16], where: NDArray[np.bool_]) -> Ima
     size = (_BRIGHTNESS_WINDOW_PX, _BRIGHTNESS_WINDOW_PX)
     share = cv2.boxFilter(where.view(np.uint8), cv2.CV_32F, size)
     mean = cv2.boxFilter(difference * where, cv2.CV_32F, size)
-    mean /= np.maximum(share, np.float32(1e-6), out=share)
-    return np.asarray(mean, np.float32)
+    return np.asarray(mean / np.maximum(share, np.float32(1e-6)), np.float32)
