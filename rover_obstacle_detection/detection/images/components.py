@@ -39,6 +39,26 @@ def marked(shape: tuple[int, ...], pixels: NDArray[np.intp]) -> NDArray[np.bool_
     return mask
 
 
+def rows_of_components(
+    row: NDArray[np.intp], owner: NDArray[np.intp], count: int
+) -> NDArray[np.intp]:
+    """Count the rows from the first pixel of each component to its last.
+
+    Parameters
+    ----------
+    row : ndarray of int, shape (n,)
+        Of each pixel, ascending.
+    owner : ndarray of int, shape (n,)
+        Component of each pixel, from 0.
+    count : int
+        Number of components, each with a pixel.
+    """
+    top, bottom = np.zeros(count, np.intp), np.zeros(count, np.intp)
+    # The last of several values is kept.
+    top[owner[::-1]], bottom[owner] = row[::-1], row
+    return bottom - top + 1
+
+
 def top_heights(
     height_m: NDArray[np.float32], parts: NDArray[np.int32], share: float
 ) -> NDArray[np.float32]:

@@ -89,7 +89,8 @@ class EnlargedDetection(Detection):
     def obstacles(self) -> tuple[Obstacle, ...]:
         """The connected obstacles, each with its box in the image and in space, largest first."""
         found, judged = self.judged.obstacles, self.judged.camera
-        pixels = np.bincount(self.obstacle_numbers.ravel(), minlength=len(found) + 1)[1:]
+        numbers = self.obstacle_numbers[self.mask > 0]
+        pixels = np.bincount(numbers, minlength=len(found) + 1)[1:]
         columns = _first_pixels(judged.width, self.camera.width)
         rows = _first_pixels(judged.height, self.camera.height)
         return tuple(

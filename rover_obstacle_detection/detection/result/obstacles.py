@@ -83,7 +83,7 @@ def number_obstacles(mask: NDArray[np.uint8]) -> NumberedObstacles:
     order = np.argsort(-boxes[1:, cv2.CC_STAT_AREA], kind='stable') + 1
     numbers = np.zeros(len(boxes), np.int32)
     numbers[order] = np.arange(1, len(boxes))
-    return NumberedObstacles(numbers[labels], np.asarray(boxes[order], np.int32))
+    return NumberedObstacles(numbers.take(labels), np.asarray(boxes[order], np.int32))
 
 
 def describe_obstacles(

@@ -34,14 +34,14 @@ def one_per_cell(
     """
     if not len(points):
         return np.zeros(0, np.intp)
-    axes = np.stack(ground_axes(ground)) / cell_m
     # Several times as fast as a matrix product with so few columns.
-    cells = np.floor(cv2.transform(points[:, np.newaxis], axes.astype(np.float32)))
-    column, row = cells[:, 0].T.astype(np.intp)
-    column -= column.min()
-    row -= row.min()
+    column, row = (
+        np.floor(cv2.transform(points[:, np.newaxis], (axis / cell_m)[np.newaxis])).ravel()
+        for axis in ground_axes(ground)
+    )
+    column, row = column - column.min(), row - row.min()
     columns, rows = int(column.max()) + 1, int(row.max()) + 1
-    cell = row * columns + column
+    cell = row.astype(np.intp) * columns + column.astype(np.intp)
     if columns * rows > _MAX_CELLS:
         _, from_end = np.unique(cell[::-1], return_index=True)
         return np.sort(len(cell) - 1 - from_end)

@@ -8,7 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.images.components import components, high_holes, marked
+from rover_obstacle_detection.detection.images.components import (
+    components,
+    high_holes,
+    marked,
+    rows_of_components,
+)
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.standing import Standing
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
@@ -56,7 +61,7 @@ def too_high(
     parts = _Parts(
         owner=owner,
         count=count,
-        rows=_rows(pixels // drawn.shape[1], owner, count),
+        rows=rows_of_components(pixels // drawn.shape[1], owner, count),
         measured=terrain.measured[drawn],
         height_m=smooth_m[drawn],
         noise_m=terrain.noise_m[drawn],
@@ -129,14 +134,6 @@ def _looks_high(parts: _Parts, p: RockParameters) -> Mask:
     possible = parts.counted(measured & (most_m > least_m.astype(np.float32)[parts.owner]))
     allowed = possible >= p.possible_share * parts.counted(measured)
     return np.asarray(likely & allowed & (step_px < p.small_step_px))
-
-
-def _rows(row: NDArray[np.intp], owner: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """Rows that each part covers, from the rows of its pixels in ascending order."""
-    top, bottom = np.zeros(count, np.intp), np.zeros(count, np.intp)
-    # The last of several values is kept.
-    top[owner[::-1]], bottom[owner] = row[::-1], row
-    return bottom - top + 1
 
 
 def overruled_parts(
