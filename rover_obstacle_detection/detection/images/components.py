@@ -32,6 +32,24 @@ def components(
     return pixels, labels.ravel()[pixels].astype(np.intp) - 1, count - 1
 
 
+def runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Find the horizontal runs of marked pixels.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (height, width)
+
+    Returns
+    -------
+    first, last : ndarray of int, shape (n,)
+        Flat indices of the pixels at both ends of each run, row by row.
+    """
+    starts, ends = mask.copy(), mask.copy()
+    starts[:, 1:] &= ~mask[:, :-1]
+    ends[:, :-1] &= ~mask[:, 1:]
+    return np.flatnonzero(starts), np.flatnonzero(ends)
+
+
 def marked(shape: tuple[int, ...], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return a mask of the given flat indices."""
     mask = np.zeros(shape, np.bool_)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.images.components import runs
 from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, KINDS, Cue, Kind
 
 
@@ -79,11 +80,22 @@ def number_obstacles(mask: NDArray[np.uint8]) -> NumberedObstacles:
     mask : ndarray of uint8, shape (height, width)
         Not zero on obstacles.
     """
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    order = np.argsort(-boxes[1:, cv2.CC_STAT_AREA], kind='stable') + 1
-    numbers = np.zeros(len(boxes), np.int32)
-    numbers[order] = np.arange(1, len(boxes))
-    return NumberedObstacles(numbers.take(labels), np.asarray(boxes[order], np.int32))
+    count, labels = cv2.connectedComponents(mask, connectivity=8)
+    # OpenCV can measure the boxes, but takes several times as long as to find the components.
+    first, last = runs(mask > 0)
+    owner = labels.ravel()[first] - 1
+    row, left, right = first // mask.shape[1], first % mask.shape[1], last % mask.shape[1]
+    boxes = np.zeros((count - 1, 5), np.int32)
+    boxes[:, :2] = mask.shape[::-1]
+    for place, low, high in ((0, left, right), (1, row, row)):
+        np.minimum.at(boxes[:, place], owner, low)
+        np.maximum.at(boxes[:, place + 2], owner, high)
+    boxes[:, 2:4] -= boxes[:, :2] - 1
+    boxes[:, 4] = np.bincount(owner, weights=last - first + 1, minlength=count - 1)
+    order = np.argsort(-boxes[:, 4], kind='stable')
+    numbers = np.zeros(count, np.int32)
+    numbers[order + 1] = np.arange(1, count)
+    return NumberedObstacles(numbers.take(labels), boxes[order])
 
 
 def describe_obstacles(
@@ -180,9 +192,10 @@ def _measure(
         return Obstacle(
             left, top, width, height, pixels, nowhere, nowhere, np.nan, np.nan, confidence, kind
         )
-    own = points[window].reshape(-1, 3).take(np.flatnonzero(inside), axis=0).T
-    ends = np.array([_tails(each, tail_share) for each in own])
-    ranges_m = np.sqrt((own * own).sum(axis=0))
+    own = points[window].reshape(-1, 3).take(np.flatnonzero(inside), axis=0)
+    x, y, z = np.ascontiguousarray(own.T)
+    ends = np.array([_tails(each, tail_share) for each in (x, y, z)])
+    ranges_m = np.sqrt(x * x + y * y + z * z)
     return Obstacle(
         left=left,
         top=top,

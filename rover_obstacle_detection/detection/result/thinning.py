@@ -45,7 +45,7 @@ def one_per_cell(
     if columns * rows > _MAX_CELLS:
         _, from_end = np.unique(cell[::-1], return_index=True)
         return np.sort(len(cell) - 1 - from_end)
-    last = np.full(columns * rows, -1, np.intp)
+    last, index = np.empty(columns * rows, np.int32), np.arange(len(cell), dtype=np.int32)
     # Of points with the same cell, the last is kept.
-    last[cell] = np.arange(len(cell))
-    return np.sort(last[last >= 0])
+    last[cell] = index
+    return np.flatnonzero(last[cell] == index)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.images.components import runs
 from rover_obstacle_detection.detection.rocks.parallax import STEP_SHARES, parallax_evidence
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.standing import Standing
@@ -127,11 +128,7 @@ def fill_from_lower_side(
     """
     width = measured.shape[1]
     missing = ~measured & measured.any(axis=1, keepdims=True)
-    # Gaps begin and end within one row, and are numbered row by row.
-    starts, ends = missing.copy(), missing.copy()
-    starts[:, 1:] &= measured[:, :-1]
-    ends[:, :-1] &= measured[:, 1:]
-    first, last = np.flatnonzero(starts), np.flatnonzero(ends)
+    first, last = runs(missing)
     left = np.where(first % width > 0, first - 1, last + 1)
     right = np.where(last % width < width - 1, last + 1, first - 1)
     heights = height_m.ravel()
