@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -70,17 +71,16 @@ def plane_coordinates(
     across_m, along_m : ndarray of float32, shape (height, width)
         Metres; 0 where there is no match.
     """
-    right, forward = ground_axes(ground)
     x_over_z, y_over_z = camera.rays()
-    depth_m = np.zeros_like(disparity)
-    np.divide(
-        np.float32(camera.fx * camera.baseline_m), disparity, out=depth_m, where=disparity > 0
-    )
+    with np.errstate(divide='ignore'):
+        depth_m = np.float32(camera.fx * camera.baseline_m) / disparity
+    depth_m[disparity <= 0] = 0
     across, along = (
-        depth_m
-        * (np.float32(axis[0]) * x_over_z + (np.float32(axis[1]) * y_over_z + np.float32(axis[2])))
-        for axis in (right, forward)
+        np.float32(axis[0]) * x_over_z + (np.float32(axis[1]) * y_over_z + np.float32(axis[2]))
+        for axis in ground_axes(ground)
     )
+    across *= depth_m
+    along *= depth_m
     return across, along
 
 
@@ -106,10 +106,10 @@ def map_positions(
     across, along = across_m / np.float32(cell_m), along_m / np.float32(cell_m)
     first_column, last_column = _extent(across, usable)
     first_row, last_row = _extent(along, usable)
-    across -= first_column
-    along -= first_row
-    across[~usable] = -10
-    along[~usable] = -10
+    outside = ~usable
+    for cells, first in ((across, first_column), (along, first_row)):
+        cells -= first
+        cells[outside] = -10
     return MapPositions(
         across,
         along,
@@ -149,10 +149,13 @@ class CellSums:
         self._shape = positions.shape
         self._pixels = np.flatnonzero(inside)
         row, column = (
-            (each.ravel()[self._pixels] + np.float32(0.5)).astype(np.int32)
+            (each.ravel()[self._pixels] + np.float32(0.5)).astype(np.intp)
             for each in (positions.row, positions.column)
         )
-        self._cell = row * np.int32(positions.shape[1]) + column
+        # Counting converts any other type of index, each time.
+        row *= positions.shape[1]
+        row += column
+        self._cell = row
 
     def means(
         self, values: NDArray[np.float32], weights: NDArray[np.float32]
@@ -181,5 +184,5 @@ def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
 
 
 def _extent(cells: NDArray[np.float32], usable: NDArray[np.bool_]) -> tuple[int, int]:
-    inside = cells[usable]
-    return int(np.floor(inside.min())), int(np.ceil(inside.max())) + 1
+    first, last, _, _ = cv2.minMaxLoc(cells, usable.view(np.uint8))
+    return math.floor(first), math.ceil(last) + 1
