@@ -54,7 +54,10 @@ def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 
 def plane_coordinates(
-    disparity: NDArray[np.float32], camera: StereoCamera, ground: GroundPlane
+    disparity: NDArray[np.float32],
+    camera: StereoCamera,
+    ground: GroundPlane,
+    rays: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Distance of each point to the right and forward of the camera, along the plane.
 
@@ -63,15 +66,17 @@ def plane_coordinates(
     disparity : ndarray of float32, shape (height, width)
         Pixels, without the camera's offset; 0 where there is no match.
     camera : StereoCamera
-        Of the disparity's size.
     ground : GroundPlane
+    rays : tuple of two ndarray of float32, optional
+        ``x / z`` and ``y / z`` of each disparity, shapes that broadcast to theirs. By default,
+        those of a whole image.
 
     Returns
     -------
     across_m, along_m : ndarray of float32, shape (height, width)
         Metres; 0 where there is no match.
     """
-    x_over_z, y_over_z = camera.rays()
+    x_over_z, y_over_z = camera.rays() if rays is None else rays
     with np.errstate(divide='ignore'):
         depth_m = np.float32(camera.fx * camera.baseline_m) / disparity
     depth_m[disparity <= 0] = 0
