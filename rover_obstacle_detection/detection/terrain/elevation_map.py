@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -37,6 +37,10 @@ class MapPositions:
     cell_m: float
     first_column: int = 0
     first_row: int = 0
+
+    def within(self, rows: slice) -> MapPositions:
+        """Return the positions of some of the image rows."""
+        return replace(self, column=self.column[rows], row=self.row[rows])
 
     @property
     def inside(self) -> NDArray[np.bool_]:
@@ -151,29 +155,28 @@ class CellSums:
     """
 
     def __init__(self, inside: NDArray[np.bool_], positions: MapPositions) -> None:
-        self._shape = positions.shape
-        self._pixels = np.flatnonzero(inside)
-        row, column = (
-            (each.ravel()[self._pixels] + np.float32(0.5)).astype(np.intp)
-            for each in (positions.row, positions.column)
-        )
+        self._shape = rows, columns = positions.shape
+        cell = (positions.row + np.float32(0.5)).astype(np.int32)
+        cell *= columns
+        cell += (positions.column + np.float32(0.5)).astype(np.int32)
+        # Pixels that do not count share one more cell, which is faster than to select the others.
+        cell[~inside] = rows * columns
         # Counting converts any other type of index, each time.
-        row *= positions.shape[1]
-        row += column
-        self._cell = row
+        self._cell = cell.ravel().astype(np.intp)
 
     def means(
         self, values: NDArray[np.float32], weights: NDArray[np.float32]
     ) -> tuple[Grid, Grid]:
         """Weighted mean of each cell, 0 in empty cells, and its sum of weights."""
-        weight = weights.ravel()[self._pixels]
-        total = self._sum(weight)
-        mean = self._sum(weight * values.ravel()[self._pixels]) / np.maximum(total, 1e-12)
+        total = self._sum(weights)
+        # Pixels that do not count may have a weight of 0 and an infinite value.
+        with np.errstate(invalid='ignore'):
+            mean = self._sum(weights * values) / np.maximum(total, 1e-12)
         return mean.astype(np.float32), total.astype(np.float32)
 
     def _sum(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
         size = self._shape[0] * self._shape[1]
-        total = np.bincount(self._cell, weights=values, minlength=size)
+        total = np.bincount(self._cell, weights=values.ravel(), minlength=size + 1)[:size]
         return np.asarray(total.reshape(self._shape), np.float64)
 
 

@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.images.components import (
     marked,
     rows_of_components,
 )
-from rover_obstacle_detection.detection.terrain.elevation_map import cell_means, sample_map
+from rover_obstacle_detection.detection.terrain.elevation_map import cell_means
 from rover_obstacle_detection.detection.terrain.gradient import ground_height, ground_rise
 from rover_obstacle_detection.detection.terrain.local_ground import smoothed
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
@@ -158,6 +158,5 @@ def _pixels_of_cells(terrain: Terrain, marked: Callable[[Layer], Mask]) -> Mask:
     for layer in terrain.layers:
         cells = marked(layer)
         if cells.any():
-            inside = sample_map(cells.astype(np.float32), layer.positions) > 0.5
-            found[layer.rows] |= inside & layer.pixels
+            layer.fill(found, layer.sampled(cells.astype(np.float32)) > 0.5)
     return found

@@ -16,7 +16,6 @@ from rover_obstacle_detection.detection.terrain.elevation_map import (
     CellSums,
     map_positions,
     plane_coordinates,
-    sample_map,
 )
 from rover_obstacle_detection.detection.terrain.local_ground import local_ground
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
@@ -57,11 +56,11 @@ def survey_layers(stereo: Stereo, spans: list[Span], parameters: TerrainParamete
         nearest_m = farthest_m
         if layer is None:
             continue
-        above_m = points.over_plane_m[layer.rows] - sample_map(layer.ground_m, layer.positions)
-        over_m = sample_map(layer.camera_m, layer.positions)
-        np.copyto(height_m[layer.rows], above_m, where=layer.pixels)
-        np.copyto(camera_m[layer.rows], over_m, where=layer.pixels)
-        np.copyto(descent_m[layer.rows], over_m - above_m, where=layer.pixels)
+        above_m = points.over_plane_m[layer.rows][layer.own_rows] - layer.sampled(layer.ground_m)
+        over_m = layer.sampled(layer.camera_m)
+        layer.fill(height_m, above_m)
+        layer.fill(camera_m, over_m)
+        layer.fill(descent_m, over_m - above_m)
         layers.append(layer)
     lever = lever_m(descent_m, camera_height_m, parameters.min_lever_share)
     return Terrain(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from rover_obstacle_detection.detection.terrain.elevation_map import (
     Grid,
     MapPositions,
     cell_means,
+    sample_map,
 )
 
 Image = NDArray[np.float32]
@@ -55,6 +57,20 @@ class Layer:
     information: Grid
     ground_m: Grid
     camera_m: Grid
+
+    @cached_property
+    def own_rows(self) -> slice:
+        """Those of `rows`, counted from the first, that have pixels within its span."""
+        rows = np.flatnonzero(self.pixels.any(axis=1))
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+
+    def sampled(self, grid: Grid) -> Image:
+        """Sample a map at each pixel of the own rows."""
+        return sample_map(grid, self.positions.within(self.own_rows))
+
+    def fill(self, image: NDArray[Any], values: NDArray[Any]) -> None:
+        """Copy the values of the own rows to the pixels of an image that are within the span."""
+        np.copyto(image[self.rows][self.own_rows], values, where=self.pixels[self.own_rows])
 
     def without(self, excluded: NDArray[np.bool_]) -> Layer:
         """Return the layer without the cells that show mostly excluded pixels.

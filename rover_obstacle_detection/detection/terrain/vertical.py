@@ -105,7 +105,10 @@ def _mean_bend(cells: Cells, p: VerticalParameters) -> _Bend:
 
     turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
     every_turn = np.stack([_turned(cells, each) for each in turns])
-    each_turn, each_hinge_m = np.repeat(every_turn, p.hinges, axis=0), np.tile(hinges_m, len(turns))
+    each_turn, each_hinge_m = (
+        np.repeat(every_turn, p.hinges, axis=0),
+        np.tile(hinges_m, len(turns)),
+    )
     costs = _fits(each_turn, each_hinge_m, np.full_like(each_hinge_m, p.bend_width_m), p)[1]
     best = int(np.argmin(costs))
     turn, best_m = turns[best // p.hinges], each_hinge_m[best]
@@ -198,6 +201,7 @@ def _fits(
         normal_matrix += 1e-6 * trace[:, np.newaxis, np.newaxis] * np.identity(4)
         solution = np.linalg.solve(normal_matrix, (weighted @ height)[..., np.newaxis])
         residual = height - (transposed @ solution)[..., 0]
-        squares = (residual / p.relief_m) ** 2
+        residual /= p.relief_m
+        squares = residual * residual
         weight = share / (1 + squares)
     return solution[..., 0], (share * np.log1p(squares)).sum(axis=1)
