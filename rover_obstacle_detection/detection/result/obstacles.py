@@ -80,7 +80,8 @@ def number_obstacles(mask: NDArray[np.uint8]) -> NumberedObstacles:
     mask : ndarray of uint8, shape (height, width)
         Not zero on obstacles.
     """
-    count, labels = cv2.connectedComponents(mask, connectivity=8)
+    count, components = cv2.connectedComponents(mask, connectivity=8)
+    labels = np.asarray(components, np.int32)
     # OpenCV can measure the boxes, but takes several times as long as to find the components.
     first, last = runs(mask > 0)
     owner = labels.ravel()[first] - 1

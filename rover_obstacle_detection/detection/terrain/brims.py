@@ -281,7 +281,7 @@ def _wide_enough(
     joined = cv2.dilate(found, np.ones((2 * reach + 1,) * 2, np.uint8))
     count, labels = cv2.connectedComponents(joined, connectivity=8)
     brim = surface.points(surface.next_below[rows, columns], columns)
-    part = labels[rows, columns]
+    part = np.asarray(labels)[rows, columns].astype(np.intp)
     pixels = np.maximum(np.bincount(part, minlength=count), 1)
     scale, along_m = (
         np.bincount(part, weights=values, minlength=count) / pixels

@@ -115,10 +115,10 @@ def map_positions(
     across, along = across_m / np.float32(cell_m), along_m / np.float32(cell_m)
     first_column, last_column = _extent(across, usable)
     first_row, last_row = _extent(along, usable)
-    outside = ~usable
+    unusable = ~usable
     for cells, first in ((across, first_column), (along, first_row)):
         cells -= first
-        cells[outside] = -10
+        cells[unusable] = -10
     return MapPositions(
         across,
         along,
