@@ -120,7 +120,7 @@ def measure_evidence(
     pixels = table.sum(axis=1).astype(np.float64)
 
     def share(which: NDArray[np.bool_]) -> Floats:
-        return np.bincount(owner[which], minlength=count) / pixels
+        return np.asarray(np.bincount(owner[which], minlength=count) / pixels)
 
     def cue_share(which: NDArray[np.uint8]) -> Floats:
         return np.asarray(table @ (which > 0) / pixels)

@@ -126,6 +126,9 @@ def _looks_high(parts: _Parts, p: RockParameters) -> Mask:
     """Small parts that likely are rocks and look as high as the step, if stereo allows for it."""
     measured = parts.measured
     step_px = parts.mean(parts.step_px, measured)
+    small = step_px < p.small_step_px
+    if not small.any():
+        return small
     probability = parts.mean(parts.probability, np.ones_like(measured))
     likely = (probability >= p.accepted_probability) & (parts.rows >= step_px)
     apparent_m = p.max_step_m * parts.rows / np.maximum(step_px, 1e-3)
@@ -133,7 +136,7 @@ def _looks_high(parts: _Parts, p: RockParameters) -> Mask:
     most_m = parts.height_m + p.possible_noises * parts.noise_m
     possible = parts.counted(measured & (most_m > least_m.astype(np.float32)[parts.owner]))
     allowed = possible >= p.possible_share * parts.counted(measured)
-    return np.asarray(likely & allowed & (step_px < p.small_step_px))
+    return small & likely & allowed
 
 
 def overruled_parts(

@@ -86,7 +86,7 @@ def outline_features(
     step_px = near.pixels_per_metre * step_m
     noise_px = stereo.noise_px[window].copy()
     on_part = (parts > 0).astype(np.float32)
-    top_m = standing.top_m[parts]
+    top_m = standing.top_m.take(parts)
     features = np.empty((len(FEATURES), *parts.shape), np.float32)
     over_step, over_noise, measured, noise, disparity_noise, scale, grey, part, top = features[:9]
     measured[:] = near.measured

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -116,6 +117,33 @@ class Terrain:
     def measured(self) -> NDArray[np.bool_]:
         """Pixels with a height."""
         return np.isfinite(self.height_m)
+
+    @cached_property
+    def nearest_measured(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+        """The nearest measured pixel of each pixel that is not.
+
+        Returns
+        -------
+        pixels : ndarray of int, shape (n,)
+            Flat indices of the unmeasured pixels; none if nothing is measured.
+        sources : ndarray of int, shape (n,)
+            Flat indices of their nearest measured pixels.
+        distance_px : ndarray of float32, shape (n,)
+            Between both.
+        """
+        missing, places = np.flatnonzero(~self.measured), np.flatnonzero(self.measured)
+        if not missing.size or not places.size:
+            nothing = np.zeros(0, np.intp)
+            return nothing, nothing, np.zeros(0, np.float32)
+        distance_px, labels = cv2.distanceTransformWithLabels(
+            (~self.measured).view(np.uint8),
+            cv2.DIST_L2,
+            cv2.DIST_MASK_5,
+            labelType=cv2.DIST_LABEL_PIXEL,
+        )
+        # OpenCV labels the measured pixels from 1, row by row.
+        sources = places[labels.ravel()[missing] - 1]
+        return missing, sources, np.asarray(distance_px.ravel()[missing], np.float32)
 
     def within(self, window: tuple[slice, slice]) -> Terrain:
         """Return a window of the image, without the layers."""

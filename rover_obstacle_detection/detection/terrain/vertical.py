@@ -204,4 +204,6 @@ def _fits(
         residual /= p.relief_m
         squares = residual * residual
         weight = share / (1 + squares)
-    return solution[..., 0], np.asarray((share * np.log1p(squares)).sum(axis=1))
+    return np.asarray(solution[..., 0], np.float64), np.asarray(
+        (share * np.log1p(squares)).sum(axis=1)
+    )
