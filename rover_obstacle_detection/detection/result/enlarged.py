@@ -35,7 +35,7 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
     factor = frame.camera.width / detection.camera.width
     own = {each.name: getattr(detection, each.name) for each in fields(detection)}
     own |= {name: resized(own[name], frame.camera.shape) for name in _PER_PIXEL}
-    disparity = resized(detection.disparity, frame.camera.shape) * np.float32(factor)
+    disparity = resized(detection.disparity * np.float32(factor), frame.camera.shape)
     if frame.rover_mask is not None:
         for name in ('cues', 'known', 'mask'):
             own[name][frame.rover_mask] = 0

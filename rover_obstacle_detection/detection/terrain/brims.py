@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -126,13 +126,15 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     """
     p = parameters.brims
     surface = Surface(stereo, parameters)
-    drop_rows, columns = _wide_enough(*_jumps(surface, parameters), surface, p)
+    below, above = surface.nearest()
+    drop_rows, columns = _jumps(surface, below, above, parameters)
+    drop_rows, columns = _wide_enough(drop_rows, columns, surface, below, p)
     # Of each run of rows found, the uppermost has its lower point on the brim.
     found = np.zeros((len(surface.height_m) + 1, surface.height_m.shape[1]), np.bool_)
     found[drop_rows + 1, columns] = True
     first = ~found[drop_rows, columns]
     drop_rows, columns = drop_rows[first], columns[first]
-    rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 2), columns]
+    rows = below.rows[np.minimum(drop_rows + p.reach_px, len(found) - 2), columns]
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
     # Where matching blurs the ground just before it, a brim looks like a crest.
@@ -142,8 +144,18 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     return Brims(rows, columns, drop_rows, sure, brim.height_m, edge_rows, surface)
 
 
+class _Nearest(NamedTuple):
+    """Row and height of the nearest match in one direction, each of shape (height, width).
+
+    The last row in that direction and NaN where there is none.
+    """
+
+    rows: NDArray[np.int32]
+    height_m: Image
+
+
 class Surface:
-    """Heights over the ground plane, with the rows of the nearest matches around each pixel.
+    """Heights over the ground plane.
 
     Everything else is computed where it is needed, as hardly a pixel is near a brim.
 
@@ -151,10 +163,6 @@ class Surface:
     ----------
     height_m : ndarray of float32, shape (height, width)
         Over the ground plane, metres; NaN where there is no match.
-    below_m, above_m : ndarray of float32, shape (height, width)
-        The same, of the nearest match at or below, or at or above each pixel.
-    next_below, next_above : ndarray of int32, shape (height, width)
-        Their rows; the last or first row where there is none.
     """
 
     def __init__(self, stereo: Stereo, parameters: TerrainParameters) -> None:
@@ -165,27 +173,26 @@ class Surface:
         self.height_m = np.float32(self._ground.height_m) * (disparity - stereo.expected)
         self.height_m /= np.maximum(disparity, np.float32(1e-6))
         self.height_m[missing] = np.nan
-        # Most pixels are their own nearest match; gaps are looked up column by column.
-        height, width = disparity.shape
-        columns_first = np.ascontiguousarray(missing.T)
-        first, last = runs(columns_first)
-        column, row = np.divmod(np.flatnonzero(columns_first), height)
-        gap = row * width + column
-        self.next_below, self.below_m = self._filled(
-            gap, np.repeat(np.minimum(last % height + 1, height - 1), last - first + 1)
-        )
-        self.next_above, self.above_m = self._filled(
-            gap, np.repeat(np.maximum(first % height - 1, 0), last - first + 1)
-        )
 
-    def _filled(self, gap: Rows, nearest: Rows) -> tuple[NDArray[np.int32], Image]:
-        """Rows and heights of the nearest matches, given the rows of those of the gaps."""
+    def nearest(self) -> tuple[_Nearest, _Nearest]:
+        """Find the nearest match at or below, and at or above, each pixel in its column."""
         height, width = self.height_m.shape
-        rows = np.repeat(np.arange(height, dtype=np.int32), width).reshape(height, width)
-        rows.ravel()[gap] = nearest
-        height_m = self.height_m.copy()
-        height_m.ravel()[gap] = self.height_m.ravel()[nearest * width + gap % width]
-        return rows, height_m
+        # Most pixels are their own nearest match; gaps are looked up column by column.
+        missing = np.ascontiguousarray(np.isnan(self.height_m).T)
+        first, last = runs(missing)
+        column, row = np.divmod(np.flatnonzero(missing), height)
+        gap = row * width + column
+
+        def filled(rows_of_gaps: Rows) -> _Nearest:
+            row_of_pixel = np.repeat(rows_of_gaps, last - first + 1)
+            rows = np.repeat(np.arange(height, dtype=np.int32), width).reshape(height, width)
+            rows.ravel()[gap] = row_of_pixel
+            height_m = self.height_m.copy()
+            height_m.ravel()[gap] = self.height_m[row_of_pixel, column]
+            return _Nearest(rows, height_m)
+
+        below = filled(np.minimum(last % height + 1, height - 1))
+        return below, filled(np.maximum(first % height - 1, 0))
 
     def points(self, rows: Rows, columns: Rows) -> _Points:
         """Return the points at the given pixels."""
@@ -236,14 +243,17 @@ class _Points:
         return np.asarray(self.descent_m / np.maximum(self.along_m, np.float32(1e-3)))
 
 
-def _jumps(surface: Surface, parameters: TerrainParameters) -> tuple[Rows, Rows]:
+def _jumps(
+    surface: Surface, next_below: _Nearest, next_above: _Nearest, parameters: TerrainParameters
+) -> tuple[Rows, Rows]:
     """Rows between two points of which the upper one is lower, and hidden in between; columns."""
     p = parameters.brims
     span = 2 * p.reach_px
     # NaN compares as false.
-    fall_m = surface.below_m[span:] - surface.above_m[: len(surface.above_m) - span]
+    end = max(len(surface.height_m) - span, 0)
+    fall_m = next_below.height_m[span:] - next_above.height_m[:end]
     rows, columns = np.nonzero(fall_m > parameters.max_step_m)
-    below, above = surface.next_below[rows + span, columns], surface.next_above[rows, columns]
+    below, above = next_below.rows[rows + span, columns], next_above.rows[rows, columns]
     near, far = surface.points(below, columns), surface.points(above, columns)
     fallen_m = fall_m[rows, columns]
     jumps = below - above <= span + p.max_unseen_px
@@ -269,7 +279,7 @@ def _rise_before(
 
 
 def _wide_enough(
-    rows: Rows, columns: Rows, surface: Surface, parameters: BrimParameters
+    rows: Rows, columns: Rows, surface: Surface, next_below: _Nearest, parameters: BrimParameters
 ) -> tuple[Rows, Rows]:
     """Keep the brims that are at least as wide as a wheel, and wider far away."""
     p = parameters
@@ -280,7 +290,7 @@ def _wide_enough(
     found[rows, columns] = 1
     joined = cv2.dilate(found, np.ones((2 * reach + 1,) * 2, np.uint8))
     count, labels = cv2.connectedComponents(joined, connectivity=8)
-    brim = surface.points(surface.next_below[rows, columns], columns)
+    brim = surface.points(next_below.rows[rows, columns], columns)
     part = np.asarray(labels)[rows, columns].astype(np.intp)
     pixels = np.maximum(np.bincount(part, minlength=count), 1)
     scale, along_m = (
