@@ -7,6 +7,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+def components(
+    mask: NDArray[np.bool_],
+) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
+    """Find the 8-connected components of a mask.
+
+    Most masks mark few pixels, so that lists of them are faster than images.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (height, width)
+
+    Returns
+    -------
+    pixels : ndarray of int, shape (n,)
+        Flat indices of the marked pixels, ascending.
+    owner : ndarray of int, shape (n,)
+        Component of each, from 0.
+    count : int
+        Number of components.
+    """
+    count, labels = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)
+    pixels = np.flatnonzero(mask)
+    return pixels, labels.ravel()[pixels].astype(np.intp) - 1, count - 1
+
+
+def runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Find the horizontal runs of marked pixels.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (height, width)
+
+    Returns
+    -------
+    first, last : ndarray of int, shape (n,)
+        Flat indices of the pixels at both ends of each run, row by row.
+    """
+    starts, ends = mask.copy(), mask.copy()
+    starts[:, 1:] &= ~mask[:, :-1]
+    ends[:, :-1] &= ~mask[:, 1:]
+    return np.flatnonzero(starts), np.flatnonzero(ends)
+
+
+def marked(shape: tuple[int, ...], pixels: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return a mask of the given flat indices."""
+    mask = np.zeros(shape, np.bool_)
+    mask.ravel()[pixels] = True
+    return mask
+
+
+def rows_of_components(
+    row: NDArray[np.intp], owner: NDArray[np.intp], count: int
+) -> NDArray[np.intp]:
+    """Count the rows from the first pixel of each component to its last.
+
+    Parameters
+    ----------
+    row : ndarray of int, shape (n,)
+        Of each pixel, ascending.
+    owner : ndarray of int, shape (n,)
+        Component of each pixel, from 0.
+    count : int
+        Number of components, each with a pixel.
+    """
+    top, bottom = np.zeros(count, np.intp), np.zeros(count, np.intp)
+    # The last of several values is kept.
+    top[owner[::-1]], bottom[owner] = row[::-1], row
+    return bottom - top + 1
+
+
 def top_heights(
     height_m: NDArray[np.float32], parts: NDArray[np.int32], share: float
 ) -> NDArray[np.float32]:
@@ -26,9 +96,9 @@ def top_heights(
     ndarray of float32, shape (components + 1,)
         Metres; 0 for components without a pixel.
     """
-    flat = parts.ravel()
-    inside = np.flatnonzero(flat)
-    number, height = flat[inside], height_m.ravel()[inside].astype(np.float64)
+    inside = np.flatnonzero(parts > 0)
+    number = parts.ravel()[inside].astype(np.intp)
+    height = height_m.ravel()[inside].astype(np.float64)
     tops = np.zeros(int(parts.max(initial=0)) + 1, np.float32)
     if not inside.size:
         return tops
@@ -60,10 +130,8 @@ def small_parts(mask: NDArray[np.bool_], min_pixels: int) -> NDArray[np.bool_]:
     """
     if not mask.any():
         return np.zeros_like(mask)
-    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
-    small = np.bincount(labels[mask], minlength=count) < min_pixels
-    small[0] = False
-    return np.asarray(small[labels])
+    pixels, owner, _ = components(mask)
+    return marked(mask.shape, pixels[(np.bincount(owner) < min_pixels)[owner]])
 
 
 def high_holes(
@@ -87,17 +155,20 @@ def high_holes(
     -----
     A hole is a 4-connected component of the background that does not touch the image border.
     """
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(
-        (~mask).astype(np.uint8), connectivity=4
-    )
-    height, width = mask.shape
-    left, top = boxes[:, cv2.CC_STAT_LEFT], boxes[:, cv2.CC_STAT_TOP]
-    inner = (left > 0) & (top > 0)
-    inner &= left + boxes[:, cv2.CC_STAT_WIDTH] < width
-    inner &= top + boxes[:, cv2.CC_STAT_HEIGHT] < height
+    holes = np.zeros_like(mask)
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    # What is around the marked pixels reaches the border as well.
+    window = np.s_[max(0, top - 1) : top + height + 1, max(0, left - 1) : left + width + 1]
+    count, labels = cv2.connectedComponents((~mask[window]).view(np.uint8), connectivity=4)
+    inner = np.ones(count, np.bool_)
     inner[0] = False
+    for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        inner[side] = False
     if not inner.any():
-        return np.zeros_like(mask)
-    sums = np.bincount(labels.ravel(), weights=height_m.ravel(), minlength=len(boxes))
-    high = inner & (sums > min_height_m * boxes[:, cv2.CC_STAT_AREA])
-    return np.asarray(high[labels])
+        return holes
+    where = np.asarray(inner.take(np.asarray(labels)), np.bool_)
+    owner = labels[where]
+    pixels = np.bincount(owner, minlength=count)
+    sums = np.bincount(owner, weights=height_m[window][where], minlength=count)
+    holes[window][where] = (sums > min_height_m * pixels)[owner]
+    return holes

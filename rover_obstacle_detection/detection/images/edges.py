@@ -34,4 +34,4 @@ def edge_strength(grey: NDArray[np.uint8], parameters: ImageParameters) -> NDArr
         cv2.Sobel(smooth, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1))
     )
     # The last bit of cv2.magnitude depends on where its arrays lie in memory.
-    return np.hypot(across, down).astype(np.float32)
+    return np.asarray(np.sqrt(across * across + down * down), np.float32)

@@ -250,12 +250,12 @@ class Detection:
         own = obstacle & self._measured & ~self.rims.behind
         placed, rows = self._carried(obstacle & ~self._measured, own)
         both = own | placed
-        cloud = np.empty((np.count_nonzero(both), 5), np.float32)
-        measured = own[both]
-        cloud[measured, :3] = self.points[own]
-        cloud[measured, 3] = self.height[own]
-        cloud[~measured, :4] = rows
-        cloud[:, 4] = self.confidence[both]
+        pixels = np.flatnonzero(both)
+        cloud = np.empty((len(pixels), 5), np.float32)
+        cloud[:, :3] = self._points_at(pixels)
+        cloud[:, 3] = self.height.ravel()[pixels]
+        cloud[placed.ravel()[pixels], :4] = rows
+        cloud[:, 4] = self._confidences[self.obstacle_numbers.ravel()[pixels] - 1]
         return both, cloud
 
     @cached_property
@@ -266,7 +266,7 @@ class Detection:
         obstacle beside them (`rims`) have no point.
         """
         pixels = np.flatnonzero(self._free_places)
-        points = self.points.reshape(-1, 3)[pixels]
+        points = self._points_at(pixels)
         cell_m = self.parameters.result.ground_cell_m
         if cell_m:
             chosen = one_per_cell(points, self.ground, cell_m)
@@ -279,13 +279,18 @@ class Detection:
         parameters = self.parameters.result
         grid = obstacle_grid(
             self.obstacle_points[:, :3],
-            self.points[self._free_places],
+            self._points_at(np.flatnonzero(self._free_places)),
             self.ground,
             parameters.grid_cell_m,
             parameters.grid_extent_m,
         )
         _read_only(grid.cells)
         return grid
+
+    def _points_at(self, pixels: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Positions of the pixels with the given flat indices, shape (n, 3)."""
+        # Several times as fast as an index.
+        return self.points.reshape(-1, 3).take(pixels, axis=0)
 
     @property
     def _free_places(self) -> NDArray[np.bool_]:

@@ -35,7 +35,7 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
     factor = frame.camera.width / detection.camera.width
     own = {each.name: getattr(detection, each.name) for each in fields(detection)}
     own |= {name: resized(own[name], frame.camera.shape) for name in _PER_PIXEL}
-    disparity = resized(detection.disparity, frame.camera.shape) * np.float32(factor)
+    disparity = resized(detection.disparity * np.float32(factor), frame.camera.shape)
     if frame.rover_mask is not None:
         for name in ('cues', 'known', 'mask'):
             own[name][frame.rover_mask] = 0
@@ -89,7 +89,8 @@ class EnlargedDetection(Detection):
     def obstacles(self) -> tuple[Obstacle, ...]:
         """The connected obstacles, each with its box in the image and in space, largest first."""
         found, judged = self.judged.obstacles, self.judged.camera
-        pixels = np.bincount(self.obstacle_numbers.ravel(), minlength=len(found) + 1)[1:]
+        numbers = self.obstacle_numbers[self.mask > 0]
+        pixels = np.bincount(numbers, minlength=len(found) + 1)[1:]
         columns = _first_pixels(judged.width, self.camera.width)
         rows = _first_pixels(judged.height, self.camera.height)
         return tuple(

@@ -110,17 +110,23 @@ def measure_evidence(
     ``n / block_size_px**2`` independent ones, and at least one. The noise is scaled by what the
     disparities of the pair show.
     """
-    where = np.flatnonzero(numbers)
-    owner = numbers.ravel()[where] - 1
+    where = np.flatnonzero(numbers > 0)
+    owner = numbers.ravel()[where].astype(np.intp) - 1
     count = int(numbers.max(initial=0))
-    pixels = np.bincount(owner, minlength=count).astype(np.float64)
+    own_cues = cues.ravel()[where]
+    # Pixels of each obstacle with each sum of cues.
+    table = np.bincount(owner * 256 + own_cues, minlength=count * 256).reshape(count, 256)
+    sums = np.arange(256, dtype=np.uint8)
+    pixels = table.sum(axis=1).astype(np.float64)
 
     def share(which: NDArray[np.bool_]) -> Floats:
-        return np.bincount(owner[which], minlength=count) / pixels
+        return np.asarray(np.bincount(owner[which], minlength=count) / pixels)
+
+    def cue_share(which: NDArray[np.uint8]) -> Floats:
+        return np.asarray(table @ (which > 0) / pixels)
 
     own_height, own_noise = height_m.ravel()[where], noise_m.ravel()[where]
     measured = np.isfinite(own_height) & np.isfinite(own_noise) & (disparity.ravel()[where] > 0)
-    own_cues = cues.ravel()[where]
     by_network = (own_cues & np.uint8(Cue.HEIGHT | Cue.GREY_LEVEL)) > 0
     odds = _log_odds(rock_probability.ravel()[where[by_network]], parameters.max_rock_probability)
     noise_px = seen_disparity_noise_px(disparity, parameters)
@@ -135,13 +141,13 @@ def measure_evidence(
         ),
         pixels=pixels,
         measured_share=share(measured),
-        agreement=share((own_cues & (own_cues - 1)) > 0),
+        agreement=cue_share(sums & (sums - np.uint8(1))),
         contrast=_contrast(owner[outline], where[outline], grey, count, parameters, images),
         raggedness=np.maximum(share(outline) * np.sqrt(pixels), 1.0),
         rock_log_odds=np.bincount(owner[by_network], weights=odds, minlength=count) / pixels,
-        ground_share=share((own_cues & np.uint8(Cue.SLOPE | Cue.DROP)) > 0),
+        ground_share=cue_share(sums & np.uint8(Cue.SLOPE | Cue.DROP)),
         noise_share=_mean_of(owner[measured], own_noise[measured], count) / parameters.max_step_m,
-        cue_shares=np.column_stack([share((own_cues & np.uint8(cue)) > 0) for cue in Cue]),
+        cue_shares=np.column_stack([cue_share(sums & np.uint8(cue)) for cue in Cue]),
         disparity_noise_px=noise_px,
         min_noise_share=parameters.min_noise_share,
     )
@@ -187,7 +193,7 @@ def _log_odds(probability: NDArray[np.float32], largest: float) -> Floats:
 
 
 def _excess(
-    owner: NDArray[np.int32],
+    owner: NDArray[np.intp],
     excess_m: NDArray[np.float32],
     noise_m: NDArray[np.float32],
     count: int,
@@ -204,7 +210,7 @@ def _excess(
     return np.asarray(ratio * np.sqrt(samples))
 
 
-def _mean_of(owner: NDArray[np.int32], values: NDArray[np.float32], count: int) -> Floats:
+def _mean_of(owner: NDArray[np.intp], values: NDArray[np.float32], count: int) -> Floats:
     pixels = np.bincount(owner, minlength=count)
     return np.asarray(np.bincount(owner, values, minlength=count) / np.maximum(pixels, 1))
 
@@ -217,7 +223,7 @@ def _is_outline(numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
 
 
 def _contrast(
-    owner: NDArray[np.int32],
+    owner: NDArray[np.intp],
     where: NDArray[np.intp],
     grey: NDArray[np.uint8],
     count: int,

@@ -89,7 +89,9 @@ def find_rims(
         )
         rims.behind[window] |= behind
         rims.before[window] |= before
-    rims.behind[_without_body(rims.behind, standing & np.isfinite(height_m), numbers)] = False
+    if rims.behind.any():
+        measured = standing & np.isfinite(height_m)
+        rims.behind[_without_body(rims.behind, measured, numbers)] = False
     return rims
 
 
@@ -119,8 +121,6 @@ def _rims_within(
 
 def _without_body(behind: Mask, measured: Mask, numbers: NDArray[np.int32]) -> Mask:
     """Mark the rims that are all the 3D of an obstacle: it is a small one beside another."""
-    if not behind.any():
-        return behind
     count = np.bincount(numbers[behind])
     own = np.bincount(numbers[measured], minlength=len(count))[: len(count)]
     alone = np.zeros_like(behind)

@@ -35,8 +35,8 @@ def combined_cues(
     obstacle &= ~small_parts(obstacle, min_pixels)
     if rover_mask is not None:
         obstacle &= ~rover_mask
-    cues[~obstacle] = 0
-    return cues, np.where(obstacle, OBSTACLE, FREE).astype(np.uint8)
+    cues *= obstacle
+    return cues, obstacle * np.uint8(OBSTACLE)
 
 
 def without_doubtful(detection: Detection) -> Detection:
@@ -54,9 +54,10 @@ def without_doubtful(detection: Detection) -> Detection:
     numbers = detection.obstacle_numbers
     chosen = np.zeros(int(numbers.max()) + 1, np.bool_)
     chosen[numbers[doubtful]] = True
-    numbers = np.where(chosen, np.cumsum(chosen), 0).astype(np.int32)[numbers]
+    numbers = np.where(chosen, np.cumsum(chosen), 0).astype(np.int32).take(numbers)
     judged = confidence(detection.evidence_of(numbers), parameters)
-    doubtful &= np.append(np.float32(1), judged)[numbers] < parameters.min_confidence
+    unlikely = np.append(np.float32(1), judged) < parameters.min_confidence
+    doubtful &= unlikely.take(numbers)
     if not doubtful.any():
         return detection
     return replace(

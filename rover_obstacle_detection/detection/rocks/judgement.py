@@ -8,10 +8,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.images.components import high_holes
+from rover_obstacle_detection.detection.images.components import (
+    components,
+    high_holes,
+    marked,
+    rows_of_components,
+)
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.standing import Standing
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
+
+_MAX_NOISE_M = np.float32(1e6)
 
 Mask = NDArray[np.bool_]
 Image = NDArray[np.float32]
@@ -47,87 +54,89 @@ def too_high(
 
     Looks alone make no obstacle: a part that is mostly not measured is unknown.
     """
-    smooth_m = np.asarray(cv2.blur(np.nan_to_num(terrain.height_m, nan=0.0), (3, 3)), np.float32)
+    height_m = np.where(terrain.measured, terrain.height_m, np.float32(0))
+    smooth_m = np.asarray(cv2.blur(height_m, (3, 3)), np.float32)
     drawn = drawn | high_holes(drawn, smooth_m, parameters.hole_share * parameters.max_step_m)
-    step_px = terrain.pixels_per_metre * np.float32(parameters.max_step_m)
-    parts = _measured_parts(drawn, probability, terrain, step_px)
-    high = _has_core(parts, smooth_m, terrain, step_px, parameters)
-    small = parts.step_px < parameters.small_step_px
-    high |= _looks_high(parts, smooth_m, terrain, parameters) & small
-    high &= parts.measured >= parameters.min_measured_share * parts.pixels
-    high[0] = False
-    return np.asarray(high[parts.labels])
+    pixels, owner, count = components(drawn)
+    parts = _Parts(
+        owner=owner,
+        count=count,
+        rows=rows_of_components(pixels // drawn.shape[1], owner, count),
+        measured=terrain.measured[drawn],
+        height_m=smooth_m[drawn],
+        noise_m=terrain.noise_m[drawn],
+        step_px=terrain.pixels_per_metre[drawn] * np.float32(parameters.max_step_m),
+        probability=probability[drawn],
+    )
+    high = _has_core(parts, parameters) | _looks_high(parts, parameters)
+    enough = parameters.min_measured_share * np.bincount(owner, minlength=count)
+    high &= parts.counted(parts.measured) >= enough
+    return marked(drawn.shape, pixels[high[owner]])
 
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """The connected parts of a drawing and what each shows, by its label; 0 is the rest."""
+    """The connected parts of a drawing, and what their n pixels show.
 
-    labels: NDArray[np.int32]
-    drawn: Mask
-    pixels: NDArray[np.int32]
-    height_px: NDArray[np.int32]
-    measured: NDArray[np.int64]
-    step_px: NDArray[np.float64]
-    probability: NDArray[np.float64]
+    Parameters
+    ----------
+    owner : ndarray of int, shape (n,)
+        Part of each pixel, from 0.
+    count : int
+        Number of parts.
+    rows : ndarray of int, shape (count,)
+        Rows of the image that each covers.
+    measured : ndarray of bool, shape (n,)
+    height_m, noise_m, step_px, probability : ndarray of float32, shape (n,)
+        Smoothed height and the noise of the height, metres; size of the step in the image;
+        probability to be on an obstacle.
+    """
 
-    def count(self, where: Mask) -> NDArray[np.int64]:
+    owner: NDArray[np.intp]
+    count: int
+    rows: NDArray[np.intp]
+    measured: Mask
+    height_m: Image
+    noise_m: Image
+    step_px: Image
+    probability: Image
+
+    def counted(self, where: Mask) -> NDArray[np.intp]:
         """Count the marked pixels of each part."""
-        return _count(self.labels, self.drawn & where, len(self.pixels))
+        return np.bincount(self.owner[where], minlength=self.count)
+
+    def mean(self, values: Image, where: Mask) -> NDArray[np.float64]:
+        """Mean over the marked pixels of each part; 0 without any."""
+        total = np.bincount(self.owner[where], weights=values[where], minlength=self.count)
+        return np.asarray(total / np.maximum(self.counted(where), 1))
 
 
-def _measured_parts(drawn: Mask, probability: Image, terrain: Terrain, step_px: Image) -> _Parts:
-    count, numbers, boxes, _ = cv2.connectedComponentsWithStats(
-        drawn.astype(np.uint8), connectivity=8
-    )
-    labels = np.asarray(numbers, np.int32)
-    return _Parts(
-        labels,
-        drawn,
-        pixels=np.asarray(boxes[:, cv2.CC_STAT_AREA], np.int32),
-        height_px=np.asarray(boxes[:, cv2.CC_STAT_HEIGHT], np.int32),
-        measured=_count(labels, drawn & terrain.measured, count),
-        step_px=_mean(labels, drawn & terrain.measured, step_px, count),
-        probability=_mean(labels, drawn, probability, count),
-    )
-
-
-_MAX_NOISE_M = np.float32(1e6)
-
-
-def _count(labels: NDArray[np.int32], where: Mask, count: int) -> NDArray[np.int64]:
-    return np.bincount(labels[where], minlength=count)
-
-
-def _mean(
-    labels: NDArray[np.int32], where: Mask, values: Image, count: int
-) -> NDArray[np.float64]:
-    inside = labels[where]
-    total = np.bincount(inside, weights=values[where], minlength=count)
-    return np.asarray(total / np.maximum(np.bincount(inside, minlength=count), 1))
-
-
-def _has_core(
-    parts: _Parts, smooth_m: Image, terrain: Terrain, step_px: Image, p: RockParameters
-) -> Mask:
+def _has_core(parts: _Parts, p: RockParameters) -> Mask:
     """Parts that rise above step and noise somewhere, and mostly stand up."""
-    seen_share = np.clip(step_px / p.full_step_px, p.min_seen_share, 1)
+    seen_share = np.clip(parts.step_px / p.full_step_px, p.min_seen_share, 1)
     # Without 3D the noise is infinite; times 0 it would not be a number.
-    noise_m = p.core_noises * np.minimum(terrain.noise_m, _MAX_NOISE_M)
+    noise_m = p.core_noises * np.minimum(parts.noise_m, _MAX_NOISE_M)
     core_m = np.maximum(p.core_share * seen_share * p.max_step_m, noise_m)
-    stands = parts.count(terrain.measured & (smooth_m > p.min_standing_m))
-    has_core = parts.count(smooth_m > core_m) >= p.min_core_pixels
-    return has_core & (stands >= p.standing_share * parts.measured)
+    stands = parts.counted(parts.measured & (parts.height_m > p.min_standing_m))
+    has_core = parts.counted(parts.height_m > core_m) >= p.min_core_pixels
+    return has_core & (stands >= p.standing_share * parts.counted(parts.measured))
 
 
-def _looks_high(parts: _Parts, smooth_m: Image, terrain: Terrain, p: RockParameters) -> Mask:
-    """Parts that very likely are rocks and look as high as the step, if stereo allows for it."""
-    likely = (parts.probability >= p.accepted_probability) & (parts.height_px >= parts.step_px)
-    apparent_m = p.max_step_m * parts.height_px / np.maximum(parts.step_px, 1e-3)
+def _looks_high(parts: _Parts, p: RockParameters) -> Mask:
+    """Small parts that likely are rocks and look as high as the step, if stereo allows for it."""
+    measured = parts.measured
+    step_px = parts.mean(parts.step_px, measured)
+    small = step_px < p.small_step_px
+    if not small.any():
+        return small
+    probability = parts.mean(parts.probability, np.ones_like(measured))
+    likely = (probability >= p.accepted_probability) & (parts.rows >= step_px)
+    apparent_m = p.max_step_m * parts.rows / np.maximum(step_px, 1e-3)
     least_m = np.maximum(p.min_seen_share * p.max_step_m, p.apparent_share * apparent_m)
-    most_m = smooth_m + p.possible_noises * terrain.noise_m
-    possible = terrain.measured & (most_m > least_m.astype(np.float32)[parts.labels])
-    return np.asarray(likely & (parts.count(possible) >= p.possible_share * parts.measured))
+    most_m = parts.height_m + p.possible_noises * parts.noise_m
+    possible = parts.counted(measured & (most_m > least_m.astype(np.float32)[parts.owner]))
+    allowed = possible >= p.possible_share * parts.counted(measured)
+    return small & likely & allowed
 
 
 def overruled_parts(
@@ -147,11 +156,12 @@ def overruled_parts(
     parameters : RockParameters
     """
     p = parameters
-    quiet = terrain.noise_m < p.certain_noise_share * p.max_step_m
-    high = terrain.measured & quiet & (terrain.height_m > p.certain_share * p.max_step_m)
-    count = len(standing.top_m)
-    pixels = np.bincount(standing.parts[high], minlength=count)
-    found = np.bincount(standing.parts[high & drawn], minlength=count)
+    with np.errstate(invalid='ignore'):
+        high = terrain.height_m > p.certain_share * p.max_step_m
+    high &= terrain.noise_m < p.certain_noise_share * p.max_step_m
+    owner = standing.parts[high]
+    pixels = np.bincount(owner, minlength=len(standing.top_m))
+    found = np.bincount(owner[drawn[high]], minlength=len(standing.top_m))
     certain = (pixels >= p.certain_pixels) & (found < p.drawn_share * pixels)
     certain[0] = False
     if not certain.any():
@@ -174,7 +184,7 @@ def half_height_outlines(terrain: Terrain, standing: Standing, reach_px: int) ->
     Matching blurs the rim of a rock: above and beside it, the height falls to that of the ground
     behind over a few pixels. The foot of a rock is really low, and is kept.
     """
-    height_m = np.nan_to_num(terrain.height_m, nan=0.0)
+    height_m = np.where(terrain.measured, terrain.height_m, np.float32(0))
     kernel = np.zeros((2 * reach_px + 1,) * 2, np.uint8)
     kernel[reach_px:] = 1
     beside_m = cv2.dilate(height_m, kernel)

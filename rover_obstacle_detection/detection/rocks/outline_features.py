@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.images.components import runs
 from rover_obstacle_detection.detection.rocks.parallax import STEP_SHARES, parallax_evidence
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.standing import Standing
@@ -78,90 +79,73 @@ def outline_features(
     Pixels without 3D take the values of the nearest measured pixel on their row, on the side that
     is lower: what a rock hides from the right image lies behind the rock.
     """
-    measured = terrain.measured[window]
-    parts = standing.parts[window]
+    near, parts = terrain.within(window), standing.parts[window]
     step_m = np.float32(parameters.max_step_m)
-    on_part = (parts > 0).astype(np.float32)
-    top_m = standing.top_m[parts]
-    height_m = np.nan_to_num(terrain.height_m[window], nan=0.0)
-    max_noise_m = np.float32(_UNKNOWN_NOISE_STEPS * parameters.max_step_m)
-    noise_m = np.minimum(terrain.noise_m[window], max_noise_m)
-    step_px = terrain.pixels_per_metre[window] * step_m
+    height_m = np.where(near.measured, near.height_m, 0)
+    noise_m = np.minimum(near.noise_m, np.float32(_UNKNOWN_NOISE_STEPS * parameters.max_step_m))
+    step_px = near.pixels_per_metre * step_m
     noise_px = stereo.noise_px[window].copy()
-    on_part_around = on_part.copy()
-    _fill_from_lower_side(
-        measured, height_m, (height_m, noise_m, step_px, noise_px, on_part_around, top_m)
+    on_part = (parts > 0).astype(np.float32)
+    top_m = standing.top_m.take(parts)
+    features = np.empty((len(FEATURES), *parts.shape), np.float32)
+    over_step, over_noise, measured, noise, disparity_noise, scale, grey, part, top = features[:9]
+    measured[:] = near.measured
+    grey[:] = grey_against_ground(stereo.frame.pair[0][window], on_part, stereo.texture)
+    fill_from_lower_side(
+        near.measured, height_m, (height_m, noise_m, step_px, noise_px, on_part, top_m)
     )
+    np.clip(np.divide(height_m, step_m, out=over_step), -2, 6, out=over_step)
+    np.divide(height_m, np.maximum(noise_m, np.float32(0.005)), out=over_noise)
+    np.clip(over_noise, -4, 12, out=over_noise)
+    over_noise /= 4
+    np.minimum(np.divide(noise_m, step_m, out=noise), 2, out=noise)
+    np.multiply(noise_px, 5, out=disparity_noise)
+    np.log(np.clip(step_px, 0.5, 500, out=step_px), out=scale)
+    scale /= 3
+    part[:] = on_part
     kernel = np.ones((_TOP_REACH_PX, _TOP_REACH_PX), np.uint8)
+    np.clip(np.divide(cv2.dilate(top_m, kernel), step_m, out=top), 0, 5, out=top)
     evidence = parallax_evidence(stereo, terrain, parameters.max_step_m, window)
-    features = np.empty((len(FEATURES), *measured.shape), np.float32)
-    for feature, values in zip(
-        features,
-        (
-            np.clip(height_m / step_m, -2, 6),
-            np.clip(height_m / np.maximum(noise_m, np.float32(0.005)), -4, 12) / 4,
-            measured,
-            np.minimum(noise_m / step_m, 2),
-            noise_px * 5,
-            np.log(np.clip(step_px, 0.5, 500)) / 3,
-            grey_against_ground(stereo.frame.pair[0][window], on_part, stereo.texture),
-            on_part_around,
-            np.clip(cv2.dilate(top_m, kernel) / step_m, 0, 5),
-            *np.clip(np.copysign(np.sqrt(np.abs(evidence)), evidence), -6, 6) / 2,
-        ),
-        strict=True,
-    ):
-        feature[:] = values
+    for feature, each in zip(features[9:], evidence, strict=True):
+        np.sqrt(np.abs(each, out=feature), out=feature)
+        np.copysign(np.minimum(feature, 6, out=feature), each, out=feature)
+        feature /= 2
     return features
 
 
-def _fill_from_lower_side(
+def fill_from_lower_side(
     measured: NDArray[np.bool_], height_m: Image, images: tuple[Image, ...]
 ) -> None:
-    """Give unmeasured pixels the values of the nearest measured one on their row, in place."""
-    rows, columns = np.nonzero(~measured)
-    left, right = measured_neighbours(measured, rows, columns)
-    source = np.where(height_m[rows, left] > height_m[rows, right], right, left)
-    for image in images:
-        image[rows, columns] = image[rows, source]
-
-
-def measured_neighbours(
-    measured: NDArray[np.bool_], rows: NDArray[np.intp], columns: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Find the nearest measured pixel on either side of a pixel, on its row.
+    """Give unmeasured pixels the values of the nearest measured one on their row, in place.
 
     Parameters
     ----------
     measured : ndarray of bool, shape (height, width)
-    rows, columns : ndarray of int, shape (n,)
-        Pixels that are not measured.
-
-    Returns
-    -------
-    left, right : ndarray of int, shape (n,)
-        Columns. Where one side has none, that of the other side; where neither has, the pixel's
-        own.
+    height_m : ndarray of float32, shape (height, width)
+        Of the measured pixels on both sides of a gap, the lower one counts.
+    images : tuple of ndarray of float32, shape (height, width)
+        Filled in. Rows without a measured pixel are left as they are.
     """
-    height, width = measured.shape
-    places = np.flatnonzero(measured)
-    # A sentinel at either end gives every search an answer, possibly on another row.
-    places = np.concatenate(([-1], places, [height * width]))
-    after = np.searchsorted(places, rows * width + columns)
-    left, right = places[after - 1], places[after]
-    no_left, no_right = left < rows * width, right >= (rows + 1) * width
-    left, right = left - rows * width, right - rows * width
-    left = np.where(no_left, np.where(no_right, columns, right), left)
-    right = np.where(no_right, left, right)
-    return left, right
+    width = measured.shape[1]
+    missing = ~measured & measured.any(axis=1, keepdims=True)
+    first, last = runs(missing)
+    left = np.where(first % width > 0, first - 1, last + 1)
+    right = np.where(last % width < width - 1, last + 1, first - 1)
+    heights = height_m.ravel()
+    source = np.where(heights[left] > heights[right], right, left)
+    for image in images:
+        image[missing] = np.repeat(image.ravel()[source], last - first + 1)
 
 
 def grey_against_ground(grey: NDArray[np.uint8], on_part: Image, texture: float) -> Image:
     """Compare each pixel with the mean of the ground around it, in units of the texture."""
-    image = grey.astype(np.float32)
-    ground = 1 - on_part
+    # Sums of whole numbers are fast and exact.
+    ground = (on_part == 0).view(np.uint8)
     size = (_GROUND_WINDOW_PX, _GROUND_WINDOW_PX)
-    share = cv2.blur(ground, size)
-    mean = cv2.blur(image * ground, size) / np.maximum(share, np.float32(1e-3))
-    difference = np.where(share > 0.02, image - mean, 0)
-    return np.asarray(np.clip(difference / np.float32(4 * texture), -3, 3), np.float32)
+    share = cv2.boxFilter(ground, cv2.CV_32F, size)
+    mean = cv2.boxFilter(grey * ground, cv2.CV_32F, size)
+    mean /= np.maximum(share, np.float32(1e-3))
+    difference = np.subtract(grey, mean, out=mean)
+    difference[share <= 0.02] = 0
+    difference /= np.float32(4 * texture)
+    return np.asarray(np.clip(difference, -3, 3, out=difference), np.float32)

@@ -59,31 +59,35 @@ def parallax_evidence(
     ground of disparity d_g with ``1 / d_g = (1 + h / b) / d``. With the camera's height over that
     ground ``e = h + b``, ``d = d_g / (1 - h / e)``.
     """
-    disparity = stereo.disparity[window]
-    usable = terrain.measured[window].copy()
+    near, disparity = terrain.within(window), stereo.disparity[window]
     evidence = np.zeros((1 + len(STEP_SHARES), *disparity.shape), np.float32)
-    if not usable.any():
+    if not near.measured.any():
         return evidence
-    height_m = np.where(usable, terrain.height_m[window], 0)
-    camera_m = terrain.camera_m[window]
-    descent_m = camera_m - height_m
+    height_m, camera_m = np.where(near.measured, near.height_m, 0), near.camera_m
     least_m = np.float32(_MIN_DESCENT_SHARE * stereo.ground.height_m)
-    usable &= (descent_m > least_m) & (camera_m > least_m)
-    on_ground = _quotient(disparity * descent_m, camera_m, usable)
+    descent_m = camera_m - height_m
+    usable = near.measured & (descent_m > least_m) & (camera_m > least_m)
+    # Limiting the divisor changes only what is not usable.
+    on_ground = disparity * descent_m
+    on_ground /= np.maximum(camera_m, least_m)
     usable &= on_ground > 0
     right = _WarpedRight.of(stereo, window)
-    from_ground = right.difference(on_ground)
+    from_ground = right.difference(right.columns - on_ground)
     brightness = _mean_around(from_ground, usable)
-    squares = (from_ground - brightness) ** 2
+    squares = _squared(from_ground, brightness)
     noise = np.float32(max(stereo.grey_noise, _MIN_GREY_NOISE) ** 2)
+    scaled = on_ground * camera_m
     for share, found in zip((0, *STEP_SHARES), evidence, strict=True):
-        hypothesis, possible = disparity, usable
+        possible = usable
         if share:
             below_m = camera_m - np.float32(share * max_step_m)
             possible = usable & (below_m > least_m)
-            hypothesis = _quotient(on_ground * camera_m, below_m, possible)
-        gain = squares - (right.difference(hypothesis) - brightness) ** 2
-        gain[~(possible & (right.columns >= hypothesis))] = 0
+            columns = right.columns - scaled / np.maximum(below_m, least_m, out=below_m)
+        else:
+            columns = right.columns - disparity
+        gain = _squared(right.difference(columns), brightness)
+        np.subtract(squares, gain, out=gain)
+        gain[~(possible & (columns >= 0))] = 0
         cv2.blur(gain, (_WINDOW_PX, _WINDOW_PX), dst=found)
         found /= noise
     return evidence
@@ -91,9 +95,19 @@ def parallax_evidence(
 
 @dataclass(frozen=True, eq=False)
 class _WarpedRight:
-    """The right image as a window of the left one would show it, for any disparity."""
+    """The right image as a window of the left one would show it, for any disparity.
 
-    left: Image
+    Parameters
+    ----------
+    left : ndarray of uint8, shape (rows, columns)
+        The window.
+    right : ndarray of uint8, shape (height, width)
+        The whole right image.
+    columns, rows : ndarray of float32, shape (rows, columns)
+        Where the right image shows what is infinitely far away.
+    """
+
+    left: NDArray[np.uint8]
     right: NDArray[np.uint8]
     columns: Image
     rows: Image
@@ -105,30 +119,31 @@ class _WarpedRight:
         column = np.arange(camera.width, dtype=np.float32)[columns]
         at_infinity = column - np.float32(camera.disparity_offset)
         return cls(
-            stereo.frame.pair[0][window].astype(np.float32),
+            stereo.frame.pair[0][window],
             stereo.frame.pair[1],
             at_infinity - stereo.rows.added_disparity(camera)[rows],
             stereo.rows.rows(camera, column)[rows],
         )
 
-    def difference(self, disparity: Image) -> Image:
-        """Grey level of the left image less that of the right one."""
+    def difference(self, columns: Image) -> NDArray[np.int16]:
+        """Grey level of the left image less that of the right one in the given columns."""
         seen = cv2.remap(
-            self.right, self.columns - disparity, self.rows, cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
-        return np.asarray(self.left - seen, np.float32)
+            self.right, columns, self.rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(cv2.subtract(self.left, seen, dtype=cv2.CV_16S), np.int16)
 
 
-def _quotient(numerator: Image, denominator: Image, where: NDArray[np.bool_]) -> Image:
-    """Divide where that is possible; 0 elsewhere."""
-    divided = numerator / np.where(where, denominator, 1)
-    return np.asarray(np.where(where, divided, 0), np.float32)
+def _squared(difference: NDArray[np.int16], brightness: Image) -> Image:
+    """Square the differences beyond that in brightness."""
+    beyond = difference - brightness
+    beyond *= beyond
+    return beyond
 
 
-def _mean_around(image: Image, where: NDArray[np.bool_]) -> Image:
+def _mean_around(difference: NDArray[np.int16], where: NDArray[np.bool_]) -> Image:
     """Mean of the marked pixels around each pixel."""
-    counted = where.astype(np.float32)
+    # Sums of whole numbers are fast and exact.
     size = (_BRIGHTNESS_WINDOW_PX, _BRIGHTNESS_WINDOW_PX)
-    share = cv2.blur(counted, size)
-    return np.asarray(cv2.blur(image * counted, size) / np.maximum(share, 1e-6), np.float32)
+    share = cv2.boxFilter(where.view(np.uint8), cv2.CV_32F, size)
+    mean = cv2.boxFilter(difference * where, cv2.CV_32F, size)
+    return np.asarray(mean / np.maximum(share, np.float32(1e-6)), np.float32)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.images.components import components, marked
 from rover_obstacle_detection.detection.rocks.judgement import overruled_parts, too_high
 from rover_obstacle_detection.detection.rocks.outline_features import outline_features
 from rover_obstacle_detection.detection.rocks.outline_model import outline_model
@@ -85,9 +86,11 @@ def outlined_rocks(
         drawn = probability > parameters.outline_probability
         overruled = overruled_parts(drawn, near, parts, parameters)
         drawn |= overruled
+        high = too_high(drawn, probability, near, parameters)
+        found.high[window] |= high
+        probability[overruled] = 1
         seen = found.probability[window]
-        np.fmax(seen, np.where(overruled, 1, probability), out=seen)
-        found.high[window] |= too_high(drawn, probability, near, parameters)
+        np.fmax(seen, probability, out=seen)
     return found
 
 
@@ -99,10 +102,10 @@ def _with_dark_sides(
     unmeasured = ~terrain.measured & (stereo.expected > nearest)
     kernel = np.ones((parameters.unmeasured_px, parameters.unmeasured_px), np.uint8)
     stands = standing.parts > 0
-    areas = cv2.morphologyEx(unmeasured.astype(np.uint8), cv2.MORPH_OPEN, kernel)
+    areas = cv2.morphologyEx(unmeasured.view(np.uint8), cv2.MORPH_OPEN, kernel)
     # A rim of a pixel or two between both belongs to neither.
-    where = cv2.dilate(areas | stands.astype(np.uint8), np.ones((5, 5), np.uint8))
-    count, labels = cv2.connectedComponents(where, connectivity=8)
-    beside = np.bincount(labels[stands], minlength=count) > 0
-    beside[0] = False
-    return np.asarray(beside[labels])
+    where = cv2.dilate(areas | stands.view(np.uint8), np.ones((5, 5), np.uint8))
+    pixels, owner, count = components(where.view(np.bool_))
+    beside = np.zeros(count, np.bool_)
+    beside[owner[stands.ravel()[pixels]]] = True
+    return marked(where.shape, pixels[beside[owner]])

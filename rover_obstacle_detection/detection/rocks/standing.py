@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.images.components import top_heights
+from rover_obstacle_detection.detection.images.components import components, top_heights
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -43,14 +43,14 @@ def standing_parts(terrain: Terrain, parameters: RockParameters) -> Standing:
     well above the noise.
     """
     p = parameters
-    height_m = np.nan_to_num(terrain.height_m, nan=0.0)
+    height_m = np.where(terrain.measured, terrain.height_m, np.float32(0))
     noise_m = terrain.noise_m
-    smooth_m = cv2.blur(height_m, (3, 3))
+    smooth_m = np.asarray(cv2.blur(height_m, (3, 3)), np.float32)
     foot = height_m > np.maximum(p.min_standing_m, p.foot_noises * noise_m)
-    core_m = np.maximum(p.candidate_share * p.max_step_m, p.candidate_noises * noise_m)
-    core = foot & (smooth_m > core_m)
-    count, labels = cv2.connectedComponents(foot.astype(np.uint8), connectivity=8)
-    kept = np.bincount(labels[core], minlength=count) >= p.min_core_pixels
-    kept[0] = False
-    parts = np.where(kept[labels], labels, 0).astype(np.int32)
-    return Standing(parts, top_heights(np.asarray(smooth_m, np.float32), parts, p.top_share))
+    pixels, owner, count = components(foot)
+    core_m = p.candidate_noises * noise_m.ravel()[pixels]
+    core = smooth_m.ravel()[pixels] > np.maximum(p.candidate_share * p.max_step_m, core_m)
+    kept = (np.bincount(owner[core], minlength=count) >= p.min_core_pixels)[owner]
+    parts = np.zeros(foot.shape, np.int32)
+    parts.ravel()[pixels[kept]] = owner[kept] + 1
+    return Standing(parts, top_heights(smooth_m, parts, p.top_share))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -82,39 +81,10 @@ def _continued(
     found = np.zeros_like(hazard)
     if not hazard.any():
         return found
-    pixels, sources = nearest_measured(terrain.measured, reach_px)
+    pixels, sources, distance_px = terrain.nearest_measured
+    in_reach = distance_px <= reach_px.ravel()[sources]
+    pixels, sources = pixels[in_reach], sources[in_reach]
     right_column = pixels % camera.width - disparity.ravel()[sources] - camera.disparity_offset
     continued = hazard.ravel()[sources] & (right_column < parameters.border_px)
     found.ravel()[pixels] = continued
     return found
-
-
-def nearest_measured(
-    measured: NDArray[np.bool_], reach_px: NDArray[np.float32]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Find the nearest measured pixel of each pixel that is not.
-
-    Parameters
-    ----------
-    measured : ndarray of bool, shape (height, width)
-    reach_px : ndarray of float32, shape (height, width)
-        Distance from each measured pixel up to which others may use it.
-
-    Returns
-    -------
-    pixels : ndarray of int, shape (n,)
-        Flat indices of the unmeasured pixels with a measured one in reach.
-    sources : ndarray of int, shape (n,)
-        Flat indices of their nearest measured pixels.
-    """
-    missing = np.flatnonzero(~measured)
-    if not missing.size or missing.size == measured.size:
-        nothing = np.zeros(0, np.intp)
-        return nothing, nothing
-    distance, labels = cv2.distanceTransformWithLabels(
-        (~measured).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    # OpenCV labels the measured pixels from 1, row by row.
-    sources = np.flatnonzero(measured)[labels.ravel()[missing] - 1]
-    in_reach = distance.ravel()[missing] <= reach_px.ravel()[sources]
-    return missing[in_reach], sources[in_reach]

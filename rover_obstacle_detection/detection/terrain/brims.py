@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.noise import height_noise_m
+from rover_obstacle_detection.detection.images.components import runs
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.elevation_map import ground_axes
 from rover_obstacle_detection.detection.terrain.parameters import BrimParameters, TerrainParameters
@@ -18,21 +19,6 @@ from rover_obstacle_detection.detection.terrain.parameters import BrimParameters
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Rows = NDArray[Any]
-
-
-class Surface(NamedTuple):
-    """Each pixel's height, and how far it must lie below a brim to be out of reach.
-
-    Parameters
-    ----------
-    height_m : ndarray of float32, shape (height, width)
-        Over the ground plane, metres; NaN where there is no match.
-    limit_m : ndarray of float32, shape (height, width)
-        The rover's step, and noise, metres.
-    """
-
-    height_m: Image
-    limit_m: Image
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,19 +88,24 @@ class Brims:
         -------
         ndarray of bool, shape (height, width)
         """
-        height_m, limit_m = self.surface
+        found = np.zeros(self.surface.height_m.shape, np.bool_)
         if not self.rows.size:
-            return np.zeros(height_m.shape, np.bool_)
-        last = np.int32(len(height_m) - 1)
-        # Row of the nearest brim below each pixel, counted from the bottom.
-        nearest = np.full(height_m.shape, -1, np.int32)
-        nearest[self.drop_rows, self.columns] = last - self.drop_rows
+            return found
+        # Only what is above a brim in the image can be behind it.
+        columns, column = np.unique(self.columns, return_inverse=True)
+        last = int(self.drop_rows.max())
+        above = np.s_[: last + 1, columns]
+        height_m, limit_m = self.surface.height_m[above], self.surface.limit_m(above)
+        # Row of the nearest brim below each pixel, counted from the last.
+        nearest = np.full(height_m.shape, -1, np.intp)
+        nearest[self.drop_rows, column] = last - self.drop_rows
         nearest = np.maximum.accumulate(nearest[::-1], axis=0)[::-1]
         level_m = np.full_like(height_m, np.nan)
-        level_m[self.drop_rows, self.columns] = self.level_m
-        level_m = np.take_along_axis(level_m, np.clip(last - nearest, 0, last), axis=0)
+        level_m[self.drop_rows, column] = self.level_m
+        level_m = np.take_along_axis(level_m, last - np.maximum(nearest, 0), axis=0)
         with np.errstate(invalid='ignore'):
-            return np.asarray((nearest >= 0) & (height_m < level_m - limit_m))
+            found[above] = (nearest >= 0) & (height_m < level_m - limit_m)
+        return found
 
 
 def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
@@ -134,44 +125,74 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     top of a rock is no brim either, as it rises just before it ends.
     """
     p = parameters.brims
-    surface = _Surface(stereo, parameters)
-    found = _wide_enough(_jumps(surface, parameters), surface, p)
+    surface = Surface(stereo, parameters)
+    below, above = surface.nearest()
+    drop_rows, columns = _jumps(surface, below, above, parameters)
+    drop_rows, columns = _wide_enough(drop_rows, columns, surface, below, p)
     # Of each run of rows found, the uppermost has its lower point on the brim.
-    found[1:] &= ~found[:-1]
-    drop_rows, columns = np.nonzero(found)
-    rows = surface.next_below[np.minimum(drop_rows + p.reach_px, len(found) - 1), columns]
+    found = np.zeros((len(surface.height_m) + 1, surface.height_m.shape[1]), np.bool_)
+    found[drop_rows + 1, columns] = True
+    first = ~found[drop_rows, columns]
+    drop_rows, columns = drop_rows[first], columns[first]
+    rows = below.rows[np.minimum(drop_rows + p.reach_px, len(found) - 2), columns]
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
     # Where matching blurs the ground just before it, a brim looks like a crest.
     rows_per_metre = surface.rows_per_metre(brim)
     sure &= p.before_m * rows_per_metre > p.reach_px
     edge_rows = np.maximum(np.rint(p.edge_m * rows_per_metre), p.edge_px).astype(np.intp)
-    return Brims(rows, columns, drop_rows, sure, brim.height_m, edge_rows, surface.limits())
+    return Brims(rows, columns, drop_rows, sure, brim.height_m, edge_rows, surface)
 
 
-class _Surface:
-    """Heights over the ground plane, with the rows of the nearest matches around each pixel.
+class _Nearest(NamedTuple):
+    """Row and height of the nearest match in one direction, each of shape (height, width).
+
+    The last row in that direction and NaN where there is none.
+    """
+
+    rows: NDArray[np.int32]
+    height_m: Image
+
+
+class Surface:
+    """Heights over the ground plane.
 
     Everything else is computed where it is needed, as hardly a pixel is near a brim.
+
+    Attributes
+    ----------
+    height_m : ndarray of float32, shape (height, width)
+        Over the ground plane, metres; NaN where there is no match.
     """
 
     def __init__(self, stereo: Stereo, parameters: TerrainParameters) -> None:
         self._stereo, self._parameters = stereo, parameters
         self._camera, self._ground = stereo.frame.camera, stereo.ground
         disparity = stereo.disparity
-        matched = disparity > self._camera.disparity_at(parameters.max_range_m)
-        self.height_m = np.full_like(disparity, np.nan)
-        np.divide(
-            np.float32(self._ground.height_m) * (disparity - stereo.expected),
-            disparity,
-            out=self.height_m,
-            where=matched,
-        )
-        last = np.int32(len(disparity) - 1)
-        row = np.arange(len(disparity), dtype=np.int32)[:, np.newaxis]
-        below, above = np.where(matched, row, last), np.where(matched, row, np.int32(0))
-        self.next_below = np.minimum.accumulate(below[::-1], axis=0)[::-1]
-        self.next_above = np.maximum.accumulate(above, axis=0)
+        missing = disparity <= self._camera.disparity_at(parameters.max_range_m)
+        self.height_m = np.float32(self._ground.height_m) * (disparity - stereo.expected)
+        self.height_m /= np.maximum(disparity, np.float32(1e-6))
+        self.height_m[missing] = np.nan
+
+    def nearest(self) -> tuple[_Nearest, _Nearest]:
+        """Find the nearest match at or below, and at or above, each pixel in its column."""
+        height, width = self.height_m.shape
+        # Most pixels are their own nearest match; gaps are looked up column by column.
+        missing = np.ascontiguousarray(np.isnan(self.height_m).T)
+        first, last = runs(missing)
+        column, row = np.divmod(np.flatnonzero(missing), height)
+        gap = row * width + column
+
+        def filled(rows_of_gaps: Rows) -> _Nearest:
+            row_of_pixel = np.repeat(rows_of_gaps, last - first + 1)
+            rows = np.repeat(np.arange(height, dtype=np.int32), width).reshape(height, width)
+            rows.ravel()[gap] = row_of_pixel
+            height_m = self.height_m.copy()
+            height_m.ravel()[gap] = self.height_m[row_of_pixel, column]
+            return _Nearest(rows, height_m)
+
+        below = filled(np.minimum(last % height + 1, height - 1))
+        return below, filled(np.maximum(first % height - 1, 0))
 
     def points(self, rows: Rows, columns: Rows) -> _Points:
         """Return the points at the given pixels."""
@@ -197,13 +218,13 @@ class _Surface:
         squares = points.along_m**2 + self._ground.height_m**2
         return np.asarray(self._camera.fy * self._ground.height_m / squares, np.float32)
 
-    def limits(self) -> Surface:
-        """Return the heights, and how far below a brim each pixel is lower than a step."""
+    def limit_m(self, where: Any) -> Image:
+        """How far below a brim each of the indexed pixels is lower than a step, metres."""
         stereo, p = self._stereo, self._parameters
-        descent_m = np.maximum(np.float32(self._ground.height_m) - self.height_m, np.float32(0))
-        noise_m = height_noise_m(stereo.disparity, descent_m, stereo.noise_px)
-        limit_m = np.float32(p.max_step_m) + np.float32(p.brims.noises) * noise_m
-        return Surface(self.height_m, np.asarray(limit_m, np.float32))
+        camera_m = np.float32(self._ground.height_m)
+        descent_m = np.maximum(camera_m - self.height_m[where], np.float32(0))
+        noise_m = height_noise_m(stereo.disparity[where], descent_m, stereo.noise_px[where])
+        return np.float32(p.max_step_m) + np.float32(p.brims.noises) * noise_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,19 +243,17 @@ class _Points:
         return np.asarray(self.descent_m / np.maximum(self.along_m, np.float32(1e-3)))
 
 
-def _jumps(surface: _Surface, parameters: TerrainParameters) -> Mask:
-    """Rows between two points of which the upper one is lower, and hidden in between."""
+def _jumps(
+    surface: Surface, next_below: _Nearest, next_above: _Nearest, parameters: TerrainParameters
+) -> tuple[Rows, Rows]:
+    """Rows between two points of which the upper one is lower, and hidden in between; columns."""
     p = parameters.brims
-    found = np.zeros(surface.height_m.shape, np.bool_)
     span = 2 * p.reach_px
-    near_rows, far_rows = surface.next_below[span:], surface.next_above[:-span]
-    if not len(near_rows):
-        return found
-    fall_m = np.take_along_axis(surface.height_m, near_rows, axis=0)
-    fall_m -= np.take_along_axis(surface.height_m, far_rows, axis=0)
-    with np.errstate(invalid='ignore'):
-        rows, columns = np.nonzero(fall_m > parameters.max_step_m)
-    below, above = near_rows[rows, columns], far_rows[rows, columns]
+    # NaN compares as false.
+    end = max(len(surface.height_m) - span, 0)
+    fall_m = next_below.height_m[span:] - next_above.height_m[:end]
+    rows, columns = np.nonzero(fall_m > parameters.max_step_m)
+    below, above = next_below.rows[rows + span, columns], next_above.rows[rows, columns]
     near, far = surface.points(below, columns), surface.points(above, columns)
     fallen_m = fall_m[rows, columns]
     jumps = below - above <= span + p.max_unseen_px
@@ -245,12 +264,11 @@ def _jumps(surface: _Surface, parameters: TerrainParameters) -> Mask:
     with np.errstate(invalid='ignore'):
         jumps &= rise < math.tan(math.radians(p.max_rise_deg))
         jumps &= -rise < p.max_grazing_share * near.sight
-    found[rows[jumps] + p.reach_px, columns[jumps]] = True
-    return found
+    return rows[jumps] + p.reach_px, columns[jumps]
 
 
 def _rise_before(
-    surface: _Surface, points: _Points, rows: Rows, columns: Rows, before_m: float
+    surface: Surface, points: _Points, rows: Rows, columns: Rows, before_m: float
 ) -> Image:
     """Rise towards each point over the ground just before it; NaN where that is not seen."""
     last = len(surface.height_m) - 1
@@ -260,22 +278,28 @@ def _rise_before(
     return np.asarray((points.height_m - before.height_m) / run_m, np.float32)
 
 
-def _wide_enough(found: Mask, surface: _Surface, parameters: BrimParameters) -> Mask:
+def _wide_enough(
+    rows: Rows, columns: Rows, surface: Surface, next_below: _Nearest, parameters: BrimParameters
+) -> tuple[Rows, Rows]:
     """Keep the brims that are at least as wide as a wheel, and wider far away."""
     p = parameters
-    if not found.any():
-        return found
-    joined = cv2.dilate(found.astype(np.uint8), np.ones((5, 5), np.uint8))
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
-    rows, columns = np.nonzero(found)
-    brim = surface.points(surface.next_below[rows, columns], columns)
-    part = labels[rows, columns]
+    if not rows.size:
+        return rows, columns
+    reach, width = 2, surface.height_m.shape[1]
+    found = np.zeros(surface.height_m.shape, np.uint8)
+    found[rows, columns] = 1
+    joined = cv2.dilate(found, np.ones((2 * reach + 1,) * 2, np.uint8))
+    count, labels = cv2.connectedComponents(joined, connectivity=8)
+    brim = surface.points(next_below.rows[rows, columns], columns)
+    part = np.asarray(labels)[rows, columns].astype(np.intp)
     pixels = np.maximum(np.bincount(part, minlength=count), 1)
     scale, along_m = (
         np.bincount(part, weights=values, minlength=count) / pixels
         for values in (brim.columns_per_metre, brim.along_m)
     )
-    width_m = boxes[:, cv2.CC_STAT_WIDTH] / np.maximum(scale, 1e-6)
-    kept = width_m >= np.maximum(p.min_width_m, p.min_width_share * along_m)
-    kept[0] = False
-    return np.asarray(found & kept[labels])
+    left, right = np.full(count, width), np.zeros(count, np.intp)
+    np.minimum.at(left, part, np.maximum(columns - reach, 0))
+    np.maximum.at(right, part, np.minimum(columns + reach, width - 1))
+    width_m = (right - left + 1) / np.maximum(scale, 1e-6)
+    kept = (width_m >= np.maximum(p.min_width_m, p.min_width_share * along_m))[part]
+    return rows[kept], columns[kept]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -37,6 +38,10 @@ class MapPositions:
     first_column: int = 0
     first_row: int = 0
 
+    def within(self, rows: slice) -> MapPositions:
+        """Return the positions of some of the image rows."""
+        return replace(self, column=self.column[rows], row=self.row[rows])
+
     @property
     def inside(self) -> NDArray[np.bool_]:
         """Pixels that lie on the map."""
@@ -53,7 +58,10 @@ def ground_axes(ground: GroundPlane) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 
 def plane_coordinates(
-    disparity: NDArray[np.float32], camera: StereoCamera, ground: GroundPlane
+    disparity: NDArray[np.float32],
+    camera: StereoCamera,
+    ground: GroundPlane,
+    rays: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Distance of each point to the right and forward of the camera, along the plane.
 
@@ -62,25 +70,26 @@ def plane_coordinates(
     disparity : ndarray of float32, shape (height, width)
         Pixels, without the camera's offset; 0 where there is no match.
     camera : StereoCamera
-        Of the disparity's size.
     ground : GroundPlane
+    rays : tuple of two ndarray of float32, optional
+        ``x / z`` and ``y / z`` of each disparity, shapes that broadcast to theirs. By default,
+        those of a whole image.
 
     Returns
     -------
     across_m, along_m : ndarray of float32, shape (height, width)
         Metres; 0 where there is no match.
     """
-    right, forward = ground_axes(ground)
-    x_over_z, y_over_z = camera.rays()
-    depth_m = np.zeros_like(disparity)
-    np.divide(
-        np.float32(camera.fx * camera.baseline_m), disparity, out=depth_m, where=disparity > 0
-    )
+    x_over_z, y_over_z = camera.rays() if rays is None else rays
+    with np.errstate(divide='ignore'):
+        depth_m = np.float32(camera.fx * camera.baseline_m) / disparity
+    depth_m[disparity <= 0] = 0
     across, along = (
-        depth_m
-        * (np.float32(axis[0]) * x_over_z + (np.float32(axis[1]) * y_over_z + np.float32(axis[2])))
-        for axis in (right, forward)
+        np.float32(axis[0]) * x_over_z + (np.float32(axis[1]) * y_over_z + np.float32(axis[2]))
+        for axis in ground_axes(ground)
     )
+    across *= depth_m
+    along *= depth_m
     return across, along
 
 
@@ -106,10 +115,10 @@ def map_positions(
     across, along = across_m / np.float32(cell_m), along_m / np.float32(cell_m)
     first_column, last_column = _extent(across, usable)
     first_row, last_row = _extent(along, usable)
-    across -= first_column
-    along -= first_row
-    across[~usable] = -10
-    along[~usable] = -10
+    unusable = ~usable
+    for cells, first in ((across, first_column), (along, first_row)):
+        cells -= first
+        cells[unusable] = -10
     return MapPositions(
         across,
         along,
@@ -146,26 +155,28 @@ class CellSums:
     """
 
     def __init__(self, inside: NDArray[np.bool_], positions: MapPositions) -> None:
-        self._shape = positions.shape
-        self._pixels = np.flatnonzero(inside)
-        row, column = (
-            (each.ravel()[self._pixels] + np.float32(0.5)).astype(np.int32)
-            for each in (positions.row, positions.column)
-        )
-        self._cell = row * np.int32(positions.shape[1]) + column
+        self._shape = rows, columns = positions.shape
+        cell = (positions.row + np.float32(0.5)).astype(np.int32)
+        cell *= columns
+        cell += (positions.column + np.float32(0.5)).astype(np.int32)
+        # Pixels that do not count share one more cell, which is faster than to select the others.
+        cell[~inside] = rows * columns
+        # Counting converts any other type of index, each time.
+        self._cell = cell.ravel().astype(np.intp)
 
     def means(
         self, values: NDArray[np.float32], weights: NDArray[np.float32]
     ) -> tuple[Grid, Grid]:
         """Weighted mean of each cell, 0 in empty cells, and its sum of weights."""
-        weight = weights.ravel()[self._pixels]
-        total = self._sum(weight)
-        mean = self._sum(weight * values.ravel()[self._pixels]) / np.maximum(total, 1e-12)
+        total = self._sum(weights)
+        # Pixels that do not count may have a weight of 0 and an infinite value.
+        with np.errstate(invalid='ignore'):
+            mean = self._sum(weights * values) / np.maximum(total, 1e-12)
         return mean.astype(np.float32), total.astype(np.float32)
 
     def _sum(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
         size = self._shape[0] * self._shape[1]
-        total = np.bincount(self._cell, weights=values, minlength=size)
+        total = np.bincount(self._cell, weights=values.ravel(), minlength=size + 1)[:size]
         return np.asarray(total.reshape(self._shape), np.float64)
 
 
@@ -181,5 +192,5 @@ def sample_map(grid: Grid, positions: MapPositions) -> NDArray[np.float32]:
 
 
 def _extent(cells: NDArray[np.float32], usable: NDArray[np.bool_]) -> tuple[int, int]:
-    inside = cells[usable]
-    return int(np.floor(inside.min())), int(np.ceil(inside.max())) + 1
+    first, last, _, _ = cv2.minMaxLoc(cells, usable.view(np.uint8))
+    return math.floor(first), math.ceil(last) + 1

@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
-from rover_obstacle_detection.detection.terrain.elevation_map import cell_means, sample_map
+from rover_obstacle_detection.detection.images.components import (
+    components,
+    marked,
+    rows_of_components,
+)
+from rover_obstacle_detection.detection.terrain.elevation_map import cell_means
 from rover_obstacle_detection.detection.terrain.gradient import ground_height, ground_rise
 from rover_obstacle_detection.detection.terrain.local_ground import smoothed
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
@@ -123,15 +128,12 @@ def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     if not high.any():
         return np.asarray(high)
     # What is small and high up stands on nothing: a false match.
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(
-        high.astype(np.uint8), connectivity=8
-    )
-    pixels = np.maximum(np.bincount(labels[high], minlength=count), 1)
-    scale = np.bincount(labels[high], weights=terrain.pixels_per_metre[high], minlength=count)
-    height_m = boxes[:, cv2.CC_STAT_HEIGHT] * pixels / np.maximum(scale, 1e-6)
+    pixels, owner, count = components(high)
+    rows = rows_of_components(pixels // high.shape[1], owner, count)
+    scale = np.bincount(owner, weights=terrain.pixels_per_metre.ravel()[pixels])
+    height_m = rows * np.bincount(owner) / np.maximum(scale, 1e-6)
     large = height_m > parameters.min_wall_share * parameters.min_wall_m
-    large[0] = False
-    return np.asarray(large[labels])
+    return marked(high.shape, pixels[large[owner]])
 
 
 def level_heights_known(terrain: Terrain, parameters: TerrainParameters) -> Mask:
@@ -156,6 +158,5 @@ def _pixels_of_cells(terrain: Terrain, marked: Callable[[Layer], Mask]) -> Mask:
     for layer in terrain.layers:
         cells = marked(layer)
         if cells.any():
-            inside = sample_map(cells.astype(np.float32), layer.positions) > 0.5
-            found[layer.rows] |= inside & layer.pixels
+            layer.fill(found, layer.sampled(cells.astype(np.float32)) > 0.5)
     return found

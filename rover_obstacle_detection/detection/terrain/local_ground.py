@@ -76,7 +76,8 @@ def local_ground(
     tolerated_m = tolerance_m
     trend = local_planes(height_m, weight, trend_cells, p.trend_ridge, p)
     for _ in range(2):
-        with_noise_m = np.hypot(np.float32(tolerated_m), viewpoint.noise_m(trend))
+        noise_m = viewpoint.noise_m(trend)
+        with_noise_m = np.sqrt(np.float32(tolerated_m**2) + noise_m * noise_m)
         near = _without_feet(present & (height_m - ground < with_noise_m), present)
         trusted = np.where(near, weight, 0).astype(np.float32)
         trend = local_planes(height_m, trusted, trend_cells, p.trend_ridge, p)

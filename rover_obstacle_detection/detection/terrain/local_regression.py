@@ -121,7 +121,8 @@ def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float, reach: float) 
     fitted = planes_from_moments(moments, float(added))
     half = (fitted.variance_u + fitted.variance_v) / 2
     difference = (fitted.variance_u - fitted.variance_v) / 2
-    least = np.maximum(half - np.hypot(difference, fitted.covariance) - added, 0)
+    spread = np.sqrt(difference * difference + fitted.covariance * fitted.covariance)
+    least = np.maximum(half - spread - added, 0)
     return LocalPlanes(
         fitted.height,
         fitted.rise_u,

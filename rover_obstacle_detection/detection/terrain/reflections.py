@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,40 +59,78 @@ def seen_through_ground(stereo: Stereo, parameters: TerrainParameters) -> Mask:
     Each sight line is followed from where it meets the ground plane to its point. In a true
     hollow, the ground it passes is the hollow's own and no higher than the line.
     """
-    p = parameters.reflections
-    camera, ground, disparity = stereo.frame.camera, stereo.ground, stereo.disparity
-    found = np.zeros(disparity.shape, np.bool_)
-    in_range = disparity > camera.disparity_at(parameters.max_range_m)
-    # Relative to the plane's disparity: below the plane, a point has less.
-    share = np.ones_like(disparity)
-    np.divide(stereo.expected, disparity, out=share, where=in_range)
-    height_m = np.float32(ground.height_m) * (1 - share)
-    descent_m = np.maximum(np.float32(ground.height_m) - height_m, np.float32(0))
-    noise_m = height_noise_m(disparity, descent_m, stereo.noise_px)
-    limit_m = parameters.max_step_m + p.noises * noise_m
-    low = in_range & (height_m < -limit_m)
-    if not low.any():
+    p, height_m = parameters.reflections, np.float32(stereo.ground.height_m)
+    found = np.zeros(stereo.disparity.shape, np.bool_)
+    # Hardly a pixel may be low enough, so the others are left out before anything is computed.
+    least = np.float32(0.9999 * (1 + parameters.max_step_m / stereo.ground.height_m))
+    low = stereo.disparity * least < stereo.expected
+    low &= stereo.disparity > stereo.frame.camera.disparity_at(parameters.max_range_m)
+    where = np.nonzero(low)
+    points = _Points.at(stereo, where, parameters)
+    deep = points.height_m < -points.limit_m
+    if not deep.any():
         return found
-    across_m, along_m = plane_coordinates(disparity, camera, ground)
-    is_level = in_range & (np.abs(height_m) < limit_m)
     # A quarter of the pixels shows where ground is.
-    every = np.s_[::2, ::2]
-    level = _LevelGround.mapped(
-        across_m[every], along_m[every], height_m[every], is_level[every], p
-    )
-    across_m, along_m, height_m, limit_m, share = (
-        each[low] for each in (across_m, along_m, height_m, limit_m, share)
-    )
-    passed = np.zeros(height_m.shape, np.bool_)
+    level = _LevelGround.mapped(_Points.at(stereo, np.s_[::2, ::2], parameters), p)
+    points, where = points.only(deep), (where[0][deep], where[1][deep])
+    passed = np.zeros(len(points.height_m), np.bool_)
     for part in p.parts:
         # The line meets the plane at the share 1 / share of its length.
-        reach = np.float32(part) + np.float32(1 - part) / share
-        line_m = np.float32(ground.height_m) * (1 - reach) + reach * height_m
+        reach = np.float32(part) + np.float32(1 - part) / points.share
         # The far wall of a trench stands below the ground behind it.
-        short = (1 - reach) * along_m > np.float32(p.margin_m)
-        passed |= short & (level.height_m(across_m * reach, along_m * reach) > line_m + limit_m)
-    found[low] = passed
+        short = (1 - reach) * points.along_m > np.float32(p.margin_m)
+        looked = np.flatnonzero(short & ~passed)
+        ahead, reach = points.only(looked), reach[looked]
+        line_m = height_m * (1 - reach) + reach * ahead.height_m
+        ground_m = level.height_m(ahead.across_m * reach, ahead.along_m * reach)
+        passed[looked] = ground_m > line_m + ahead.limit_m
+    found[where] = passed
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Places over the ground plane, all of one shape.
+
+    Parameters
+    ----------
+    in_range : ndarray of bool
+        What is not has no meaning.
+    share : ndarray of float32
+        Disparity of the plane over that of the point.
+    height_m, limit_m, across_m, along_m : ndarray of float32
+        Over the plane, what is level, and along it.
+    """
+
+    in_range: Mask
+    share: Image
+    height_m: Image
+    limit_m: Image
+    across_m: Image
+    along_m: Image
+
+    @classmethod
+    def at(cls, stereo: Stereo, where: Any, parameters: TerrainParameters) -> _Points:
+        """Return the points of the indexed pixels."""
+        camera, ground, disparity = stereo.frame.camera, stereo.ground, stereo.disparity[where]
+        in_range = disparity > camera.disparity_at(parameters.max_range_m)
+        share = stereo.expected[where] / np.maximum(disparity, np.float32(1e-6))
+        share[~in_range] = 1
+        height_m = np.float32(ground.height_m) * (1 - share)
+        descent_m = np.maximum(np.float32(ground.height_m) - height_m, np.float32(0))
+        noise_m = height_noise_m(disparity, descent_m, stereo.noise_px[where])
+        x, y = (np.broadcast_to(each, camera.shape)[where] for each in camera.rays())
+        return cls(
+            in_range,
+            share,
+            height_m,
+            parameters.max_step_m + parameters.reflections.noises * noise_m,
+            *plane_coordinates(disparity, camera, ground, (x, y)),
+        )
+
+    def only(self, which: NDArray[Any]) -> _Points:
+        """Return some of the points."""
+        return _Points(*(getattr(self, each.name)[which] for each in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,18 +141,12 @@ class _LevelGround:
     cell_m: float
 
     @classmethod
-    def mapped(
-        cls,
-        across_m: Image,
-        along_m: Image,
-        height_m: Image,
-        level: Mask,
-        parameters: ReflectionParameters,
-    ) -> _LevelGround:
+    def mapped(cls, points: _Points, parameters: ReflectionParameters) -> _LevelGround:
         side = parameters.cells
-        cell, inside = _cells(across_m[level], along_m[level], parameters.cell_m, side)
+        level = points.only(points.in_range & (np.abs(points.height_m) < points.limit_m))
+        cell, inside = _cells(level.across_m, level.along_m, parameters.cell_m, side)
         count = np.bincount(cell[inside], minlength=side * side)
-        total = np.bincount(cell[inside], weights=height_m[level][inside], minlength=side * side)
+        total = np.bincount(cell[inside], weights=level.height_m[inside], minlength=side * side)
         seen = count >= parameters.min_points
         mean_m = np.where(seen, total / np.maximum(count, 1), -np.inf)
         return cls(mean_m.astype(np.float32), parameters.cell_m)

@@ -16,7 +16,6 @@ from rover_obstacle_detection.detection.terrain.elevation_map import (
     CellSums,
     map_positions,
     plane_coordinates,
-    sample_map,
 )
 from rover_obstacle_detection.detection.terrain.local_ground import local_ground
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
@@ -57,11 +56,11 @@ def survey_layers(stereo: Stereo, spans: list[Span], parameters: TerrainParamete
         nearest_m = farthest_m
         if layer is None:
             continue
-        above_m = points.over_plane_m[layer.rows] - sample_map(layer.ground_m, layer.positions)
-        over_m = sample_map(layer.camera_m, layer.positions)
-        np.copyto(height_m[layer.rows], above_m, where=layer.pixels)
-        np.copyto(camera_m[layer.rows], over_m, where=layer.pixels)
-        np.copyto(descent_m[layer.rows], over_m - above_m, where=layer.pixels)
+        above_m = points.over_plane_m[layer.rows][layer.own_rows] - layer.sampled(layer.ground_m)
+        over_m = layer.sampled(layer.camera_m)
+        layer.fill(height_m, above_m)
+        layer.fill(camera_m, over_m)
+        layer.fill(descent_m, over_m - above_m)
         layers.append(layer)
     lever = lever_m(descent_m, camera_height_m, parameters.min_lever_share)
     return Terrain(
@@ -118,13 +117,10 @@ class _Points:
 def _points_over_plane(stereo: Stereo, parameters: TerrainParameters) -> _Points:
     camera, ground, disparity = stereo.frame.camera, stereo.ground, stereo.disparity
     in_range = disparity > camera.disparity_at(parameters.max_range_m)
-    over_plane_m = np.zeros_like(disparity)
-    np.divide(
-        np.float32(ground.height_m) * (disparity - stereo.expected),
-        disparity,
-        out=over_plane_m,
-        where=in_range,
-    )
+    over_plane_m = np.float32(ground.height_m) * (disparity - stereo.expected)
+    # Where it is not used, the divisor does not matter.
+    over_plane_m /= np.maximum(disparity, np.float32(1e-6))
+    over_plane_m[~in_range] = 0
     # A point moves along its ray, which descends from the camera to the point.
     descent_m = np.float32(ground.height_m) - over_plane_m
     lever = lever_m(descent_m, ground.height_m, parameters.min_lever_share)
@@ -133,12 +129,19 @@ def _points_over_plane(stereo: Stereo, parameters: TerrainParameters) -> _Points
     rise = math.tan(math.radians(max(parameters.max_slope_deg, parameters.repose_deg)))
     # False matches in the sky would otherwise become ground nearby.
     ground_like = in_range & (over_plane_m <= rise * along_m + parameters.max_step_m)
-    relief = np.float32(parameters.cell_relief_m**2)
-    trust = np.where(ground_like, relief / (relief + noise_m * noise_m), 0).astype(np.float32)
-    variance = noise_m * noise_m + np.float32(parameters.min_noise_m**2)
-    information = np.reciprocal(variance).astype(np.float32)
+    relief, variance = np.float32(parameters.cell_relief_m**2), noise_m * noise_m
+    trust = relief / (relief + variance)
+    trust *= ground_like
+    variance += np.float32(parameters.min_noise_m**2)
     return _Points(
-        in_range, over_plane_m, across_m, along_m, descent_m, noise_m, trust, information
+        in_range,
+        over_plane_m,
+        across_m,
+        along_m,
+        descent_m,
+        noise_m,
+        trust,
+        np.reciprocal(variance, out=variance),
     )
 
 
@@ -151,6 +154,8 @@ def _map_layer(
 ) -> Layer | None:
     """Map the ground between two distances; None where no pixel lies there."""
     nearest_m, farthest_m = span_m
+    if not (points.along_m > nearest_m).any():
+        return None
     overlap, overlap_m = parameters.overlap_factor, parameters.overlap_m
     usable = points.in_range & (points.along_m <= farthest_m * overlap + overlap_m)
     usable &= points.along_m >= nearest_m / overlap - overlap_m

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +14,7 @@ from rover_obstacle_detection.detection.terrain.elevation_map import (
     Grid,
     MapPositions,
     cell_means,
+    sample_map,
 )
 
 Image = NDArray[np.float32]
@@ -55,6 +59,20 @@ class Layer:
     ground_m: Grid
     camera_m: Grid
 
+    @cached_property
+    def own_rows(self) -> slice:
+        """Those of `rows`, counted from the first, that have pixels within its span."""
+        rows = np.flatnonzero(self.pixels.any(axis=1))
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+
+    def sampled(self, grid: Grid) -> Image:
+        """Sample a map at each pixel of the own rows."""
+        return sample_map(grid, self.positions.within(self.own_rows))
+
+    def fill(self, image: NDArray[Any], values: NDArray[Any]) -> None:
+        """Copy the values of the own rows to the pixels of an image that are within the span."""
+        np.copyto(image[self.rows][self.own_rows], values, where=self.pixels[self.own_rows])
+
     def without(self, excluded: NDArray[np.bool_]) -> Layer:
         """Return the layer without the cells that show mostly excluded pixels.
 
@@ -95,10 +113,37 @@ class Terrain:
     pixels_per_metre: Image
     layers: tuple[Layer, ...]
 
-    @property
+    @cached_property
     def measured(self) -> NDArray[np.bool_]:
         """Pixels with a height."""
         return np.isfinite(self.height_m)
+
+    @cached_property
+    def nearest_measured(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+        """The nearest measured pixel of each pixel that is not.
+
+        Returns
+        -------
+        pixels : ndarray of int, shape (n,)
+            Flat indices of the unmeasured pixels; none if nothing is measured.
+        sources : ndarray of int, shape (n,)
+            Flat indices of their nearest measured pixels.
+        distance_px : ndarray of float32, shape (n,)
+            Between both.
+        """
+        missing, places = np.flatnonzero(~self.measured), np.flatnonzero(self.measured)
+        if not missing.size or not places.size:
+            nothing = np.zeros(0, np.intp)
+            return nothing, nothing, np.zeros(0, np.float32)
+        distance_px, labels = cv2.distanceTransformWithLabels(
+            (~self.measured).view(np.uint8),
+            cv2.DIST_L2,
+            cv2.DIST_MASK_5,
+            labelType=cv2.DIST_LABEL_PIXEL,
+        )
+        # OpenCV labels the measured pixels from 1, row by row.
+        sources = places[labels.ravel()[missing] - 1]
+        return missing, sources, np.asarray(distance_px.ravel()[missing], np.float32)
 
     def within(self, window: tuple[slice, slice]) -> Terrain:
         """Return a window of the image, without the layers."""

@@ -104,11 +104,15 @@ def _mean_bend(cells: Cells, p: VerticalParameters) -> _Bend:
     hinges_m = np.geomspace(p.first_hinge * first, p.last_hinge * last, p.hinges)
 
     turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    widths_m = np.full_like(hinges_m, p.bend_width_m)
-    costs = np.stack([_fits(_turned(cells, each), hinges_m, widths_m, p)[1] for each in turns])
-    best_turn, best_hinge = np.unravel_index(np.argmin(costs), costs.shape)
-    turn, best_m = turns[best_turn], hinges_m[best_hinge]
-    turned = _turned(cells, turn)
+    every_turn = np.stack([_turned(cells, each) for each in turns])
+    each_turn, each_hinge_m = (
+        np.repeat(every_turn, p.hinges, axis=0),
+        np.tile(hinges_m, len(turns)),
+    )
+    costs = _fits(each_turn, each_hinge_m, np.full_like(each_hinge_m, p.bend_width_m), p)[1]
+    best = int(np.argmin(costs))
+    turn, best_m = turns[best // p.hinges], each_hinge_m[best]
+    turned = each_turn[best : best + 1]
     steps = np.arange(-p.refinement_steps, p.refinement_steps + 1) / p.refinement_steps
     around_m = best_m * (hinges_m[1] / hinges_m[0]) ** steps
     around_m = np.unique(np.clip(around_m, first, last))
@@ -167,19 +171,21 @@ def _fit(
 ) -> tuple[NDArray[np.float64], float]:
     """Level, rise to the right, rise forward, and further rise beyond the hinge; and its cost."""
     hinges_m = np.array([math.inf if hinge_m is None else hinge_m])
-    solutions, costs = _fits(cells, hinges_m, np.array([width_m]), p)
+    solutions, costs = _fits(cells[np.newaxis], hinges_m, np.array([width_m]), p)
     return solutions[0], float(costs[0])
 
 
 def _fits(
     cells: Cells, hinges_m: Cells, widths_m: Cells, p: VerticalParameters
 ) -> tuple[Cells, Cells]:
-    """Fit the cells with each hinge and width, shape (n, 4) and (n,).
+    """Fit cells with each hinge and width, shape (n, 4) and (n,).
 
-    A hinge at infinity fits a plane.
+    The cells have shape (n, cells, 4), or (1, cells, 4) if all fits have the same. All have the
+    same heights and weights. A hinge at infinity fits a plane.
     """
-    across, forward, height, share = cells.T
-    design = np.empty((len(hinges_m), 4, len(cells)))
+    across, forward = cells[..., 0], cells[..., 1]
+    height, share = cells[0, :, 2], cells[0, :, 3]
+    design = np.empty((len(hinges_m), 4, len(height)))
     design[:, 0], design[:, 1], design[:, 2] = 1, across, forward
     bent = np.isfinite(hinges_m)
     beyond = (forward - np.where(bent, hinges_m, 0)[:, np.newaxis]) / widths_m[:, np.newaxis]
@@ -187,7 +193,7 @@ def _fits(
     design[:, 3] = np.log1p(np.exp(-np.abs(beyond))) + np.maximum(beyond, 0)
     design[:, 3] *= np.where(bent, widths_m, 0)[:, np.newaxis]
     transposed = design.transpose(0, 2, 1)
-    weight = np.broadcast_to(share, (len(hinges_m), len(cells)))
+    weight = np.broadcast_to(share, (len(hinges_m), len(height)))
     for _ in range(p.iterations):
         weighted = design * weight[:, np.newaxis]
         normal_matrix = weighted @ transposed
@@ -195,6 +201,9 @@ def _fits(
         normal_matrix += 1e-6 * trace[:, np.newaxis, np.newaxis] * np.identity(4)
         solution = np.linalg.solve(normal_matrix, (weighted @ height)[..., np.newaxis])
         residual = height - (transposed @ solution)[..., 0]
-        squares = (residual / p.relief_m) ** 2
+        residual /= p.relief_m
+        squares = residual * residual
         weight = share / (1 + squares)
-    return solution[..., 0], (share * np.log1p(squares)).sum(axis=1)
+    return np.asarray(solution[..., 0], np.float64), np.asarray(
+        (share * np.log1p(squares)).sum(axis=1)
+    )

@@ -6,10 +6,42 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_obstacle_detection.detection.images.components import (
+    components,
     high_holes,
+    marked,
+    rows_of_components,
+    runs,
     small_parts,
     top_heights,
 )
+
+
+def three_parts():
+    """One of three rows, touching corners; one in the first row; one at the end of a row."""
+    mask = np.zeros((4, 6), bool)
+    mask[0, 4] = mask[1, 0] = mask[2, 1] = mask[3, :3] = mask[2, 4:] = True
+    return mask
+
+
+def test_components_of_a_mask_as_lists():
+    pixels, owner, count = components(three_parts())
+    assert count == 3
+    parts = [pixels[owner == number].tolist() for number in range(count)]
+    assert sorted(parts) == [[4], [6, 13, 18, 19, 20], [16, 17]]
+    np.testing.assert_array_equal(marked((4, 6), pixels), three_parts())
+    rows = rows_of_components(pixels // 6, owner, count)
+    assert dict(zip(map(len, parts), rows, strict=True)) == {1: 1, 5: 3, 2: 1}
+
+
+def test_a_mask_without_pixels_has_no_components():
+    pixels, owner, count = components(np.zeros((3, 4), bool))
+    assert (pixels.size, owner.size, count) == (0, 0, 0)
+    assert not rows_of_components(pixels, owner, count).size
+
+
+def test_runs_end_with_their_row():
+    first, last = runs(three_parts())
+    assert list(zip(first, last, strict=True)) == [(4, 4), (6, 6), (13, 13), (16, 17), (18, 20)]
 
 
 def test_small_parts_have_fewer_pixels_than_the_limit():

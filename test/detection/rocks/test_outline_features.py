@@ -11,8 +11,8 @@ from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.rocks.outline_features import (
     EVERYWHERE,
     FEATURES,
+    fill_from_lower_side,
     grey_against_ground,
-    measured_neighbours,
     outline_features,
 )
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
@@ -228,16 +228,18 @@ def test_grey_level_without_ground_around_is_zero():
     assert not found.any()
 
 
-@given(flat=st.lists(st.booleans(), min_size=1, max_size=48), width=st.integers(1, 12))
-def test_measured_neighbours_are_those_that_a_loop_finds(flat, width):
-    height = -(-len(flat) // width)
-    measured = np.zeros(height * width, bool)
-    measured[: len(flat)] = flat
-    measured = measured.reshape(height, width)
-    rows, columns = np.nonzero(~measured)
-    left, right = measured_neighbours(measured, rows, columns)
-    for row, column, found in zip(rows, columns, zip(left, right, strict=True), strict=True):
-        before = [other for other in range(column) if measured[row, other]]
-        after = [other for other in range(column, width) if measured[row, other]]
-        sides = before[-1:] or after[:1] or [column], after[:1] or before[-1:] or [column]
-        assert found == (sides[0][0], sides[1][0])
+@given(heights=st.lists(st.integers(0, 3), min_size=1, max_size=48), width=st.integers(1, 12))
+def test_gaps_are_filled_as_a_loop_fills_them(heights, width):
+    height_m = np.resize(np.array(heights, np.float32), (-(-len(heights) // width), width))
+    measured = height_m > 0
+    values = np.arange(height_m.size, dtype=np.float32).reshape(height_m.shape)
+    expected = values.copy()
+    for row, column in np.argwhere(~measured):
+        before = np.flatnonzero(measured[row, :column])[-1:]
+        after = column + np.flatnonzero(measured[row, column:])[:1]
+        sides = [*before, *after]
+        if sides:
+            # Of equally high sides, the left one.
+            expected[row, column] = values[row, min(sides, key=lambda side: height_m[row, side])]
+    fill_from_lower_side(measured, height_m, (values, height_m))
+    np.testing.assert_array_equal(values, expected)

@@ -9,7 +9,6 @@ import pytest
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.terrain.border import (
-    nearest_measured,
     slope_in_border,
     walls_in_border,
 )
@@ -106,14 +105,13 @@ def test_what_is_no_obstacle_does_not_continue_however_high():
 
 
 def test_each_measured_pixel_has_a_reach_of_its_own():
-    measured = np.array([[True, False, False, False, False, True]])
-    reach_px = np.array([[1, 0, 0, 0, 0, 2.5]], np.float32)
-    pixels, sources = nearest_measured(measured, reach_px)
-    assert dict(zip(pixels.tolist(), sources.tolist(), strict=True)) == {1: 0, 3: 5, 4: 5}
-
-
-def test_without_measured_pixels_there_is_no_nearest():
-    for measured in (np.zeros((2, 3), bool), np.ones((2, 3), bool)):
-        pixels, sources = nearest_measured(measured, np.ones((2, 3), np.float32))
-        assert not pixels.size
-        assert not sources.size
+    measured, high = np.zeros((2, 1, 100), bool)
+    measured[:, [0, 9]] = high[:, [0, 9]] = True
+    # Walls reach as far as they are high, here with 1 pixel in a metre.
+    height_m = np.full(measured.shape, np.nan, np.float32)
+    height_m[:, 0], height_m[:, 9] = 1, 3
+    even = np.ones(measured.shape, np.float32)
+    terrain = Terrain(height_m, even, even, even, ())
+    camera = replace(CAMERA, height=1)
+    found = walls_in_border(high, terrain, np.full_like(even, 200), camera, PARAMETERS)
+    assert np.flatnonzero(found).tolist() == [1, 6, 7, 8, 10, 11, 12]
