@@ -40,14 +40,13 @@ def cpu_line(pairs: Sequence[Pair], turns: int) -> Line:
     own, theirs = [], []
     for pair in pairs:
         detector = Detector(pair.camera)
-        taken = [(cpu_seconds(own_messages, detector, pair), cpu_seconds(peer_cloud, pair))]
-        for _ in range(turns):
-            taken.append(
-                (cpu_seconds(own_messages, detector, pair), cpu_seconds(peer_cloud, pair))
-            )
-        # Without the warm-up.
-        own.append(statistics.median(each for each, _ in taken[1:]))
-        theirs.append(statistics.median(each for _, each in taken[1:]))
+        # The first turn is a warm-up.
+        turn = [
+            (cpu_seconds(own_messages, detector, pair), cpu_seconds(peer_cloud, pair))
+            for _ in range(turns + 1)
+        ][1:]
+        own.append(min(each for each, _ in turn))
+        theirs.append(min(each for _, each in turn))
     own_ms, their_ms = (1000 * statistics.fmean(each) for each in (own, theirs))
     return Line(
         f'CPU time per frame, mask and clouds, mean of {len(pairs)} scenes',

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from operator import itemgetter
 
 from benchmark_scenes import STANDARD, Pair, Scene, plain_seconds, standard_scenes
 from effort import Effort
@@ -21,6 +21,7 @@ from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.methods.registry import make_method
 from rover_obstacle_detection.evaluation.tables import Table, number
+from rover_obstacle_detection.offline.stopwatch import Stopwatch
 
 CLOUDS = 'clouds and obstacles, on request'
 DEFAULT_SCALE = 0.0
@@ -29,31 +30,27 @@ MEDIAN_GOAL, WORST_GOAL, LISTING_GOAL = 1.0, 2.0, 50.0
 
 @dataclass(frozen=True)
 class PairTimes:
-    """Medians over the turns of one pair."""
+    """The lowest times of all turns of one pair: what other programs take only adds.
 
-    ratio: float
-    """To plain SGBM in the same turn."""
+    Parameters
+    ----------
+    seconds, plain_seconds : float
+        Of the detector, and of plain SGBM.
+    stages : dict of str to float
+        Seconds of each stage in the fastest turn.
+    figures : Figures, optional
+        What the mask is worth, where there are labels.
+    """
+
     seconds: float
     plain_seconds: float
-    stages: dict[str, tuple[float, float]]
-    """Ratio to plain SGBM, and seconds."""
-    figures: Figures | None
-    """What the mask is worth, where there are labels."""
+    stages: dict[str, float]
+    figures: Figures | None = None
 
-
-@dataclass
-class _Turns:
-    """The times of each turn."""
-
-    seconds: list[float] = field(default_factory=list)
-    plain: list[float] = field(default_factory=list)
-    stages: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
-
-    def ratio(self, seconds: Sequence[float]) -> float:
-        """Median ratio of times to plain SGBM in the same turn."""
-        return statistics.median(
-            own / plain for own, plain in zip(seconds, self.plain, strict=True)
-        )
+    @property
+    def ratio(self) -> float:
+        """Time relative to plain SGBM."""
+        return self.seconds / self.plain_seconds
 
 
 def detection_findings(scenes: Sequence[Scene], effort: Effort) -> Findings:
@@ -82,44 +79,31 @@ def detection_findings(scenes: Sequence[Scene], effort: Effort) -> Findings:
 def measured(pair: Pair, scale: float, turns: int) -> PairTimes:
     """Detect in one pair at one scale, in turns with plain SGBM."""
     detector = Detector(pair.camera, DetectorConfig(working_scale=scale))
-    taken = _Turns()
     # The first turn is a warm-up.
-    found = _turn(pair, detector, _Turns())
+    found, _, _ = detected(detector, pair)
+    plain, taken = [], []
     for _ in range(turns):
-        found = _turn(pair, detector, taken)
+        plain.append(plain_seconds(pair))
+        taken.append(detected(detector, pair)[1:])
+    seconds, stages = min(taken, key=itemgetter(0))
+    labelled = isinstance(pair, LabelledFrame)
     return PairTimes(
-        ratio=taken.ratio(taken.seconds),
-        seconds=statistics.median(taken.seconds),
-        plain_seconds=statistics.median(taken.plain),
-        stages={
-            stage: (taken.ratio(seconds), statistics.median(seconds))
-            for stage, seconds in taken.stages.items()
-        },
-        figures=score(found.mask, pair.labels, pair.instances, found.known)
-        if isinstance(pair, LabelledFrame)
-        else None,
+        seconds,
+        min(plain),
+        stages,
+        score(found.mask, pair.labels, pair.instances, found.known) if labelled else None,
     )
 
 
-def _turn(pair: Pair, detector: Detector, taken: _Turns) -> Detection:
-    taken.plain.append(plain_seconds(pair))
-    laps: dict[str, float] = defaultdict(float)
-    began = last = time.perf_counter()
-
-    def lap(stage: str) -> None:
-        nonlocal last
-        now = time.perf_counter()
-        laps[stage] += now - last
-        last = now
-
-    found = detector.detect(pair.left, pair.right, on_stage=lap)
-    taken.seconds.append(time.perf_counter() - began)
-    last = time.perf_counter()
+def detected(detector: Detector, pair: Pair) -> tuple[Detection, float, dict[str, float]]:
+    """Detect in a pair; return also the seconds of `detect`, and those of each stage."""
+    watch = Stopwatch()
+    began = time.perf_counter()
+    found = detector.detect(pair.left, pair.right, on_stage=watch.lap)
+    seconds = time.perf_counter() - began
     _ = found.obstacle_points, found.ground_points, found.obstacles
-    lap(CLOUDS)
-    for stage, seconds in laps.items():
-        taken.stages[stage].append(seconds)
-    return found
+    watch.lap(CLOUDS)
+    return found, seconds, {stage: ms / 1000 for stage, ms in watch.take_ms().items()}
 
 
 def ratio_lines(times: Sequence[PairTimes]) -> tuple[Line, ...]:
@@ -171,10 +155,11 @@ def stage_table(times: Sequence[PairTimes]) -> Table:
     stages = list(dict.fromkeys(stage for each in times for stage in each.stages))
     rows = []
     for stage in stages:
-        taken = [each.stages.get(stage, (0.0, 0.0)) for each in times]
-        ratio = statistics.fmean(ratio for ratio, _ in taken)
-        seconds = statistics.fmean(seconds for _, seconds in taken)
-        rows.append((stage, f'{ratio:.2f}', f'{1000 * seconds:.1f}'))
+        seconds = [each.stages.get(stage, 0.0) for each in times]
+        ratios = [own / each.plain_seconds for own, each in zip(seconds, times, strict=True)]
+        rows.append(
+            (stage, f'{statistics.fmean(ratios):.2f}', f'{1000 * statistics.fmean(seconds):.1f}')
+        )
     return Table('Stages', ('stage', 'x SGBM', 'ms'), rows)
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
+import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -35,7 +36,10 @@ from live_node import live_findings  # noqa: E402
 from machine import described_machine, use_cores  # noqa: E402
 from replay_times import replay_findings  # noqa: E402
 
+from rover_obstacle_detection.errors import ObstacleDetectionError  # noqa: E402
+
 PAGE = 'performance.md'
+NOT_MEASURED = 'not measured: it failed'
 PARTS: dict[str, Callable[[Sequence[Scene], Effort], Findings]] = {
     'detection': detection_findings,
     'live': live_findings,
@@ -65,9 +69,12 @@ def main() -> None:
             **{name: table.as_markdown() for name, table in findings.tables.items()},
         }
         text = page.read_text(encoding='utf-8')
-        for name in BLOCKS:
-            text = with_block(text, name, contents[name])
+        for name, content in contents.items():
+            text = with_block(text, name, content)
         page.write_text(text, encoding='utf-8')
+    failed = [str(line) for line in findings.lines if line.measured == NOT_MEASURED]
+    if failed:
+        sys.exit('\n'.join(failed))
 
 
 def measured(parts: Sequence[str], scenes: Sequence[Scene], effort: Effort) -> Findings:
@@ -76,7 +83,7 @@ def measured(parts: Sequence[str], scenes: Sequence[Scene], effort: Effort) -> F
     tables = {}
     for part in parts:
         print(f'measuring: {part}', file=sys.stderr, flush=True)
-        found = PARTS[part](scenes, effort)
+        found = attempt(part, scenes, effort)
         for line in found.lines:
             print(line, flush=True)
         for table in found.tables.values():
@@ -84,6 +91,15 @@ def measured(parts: Sequence[str], scenes: Sequence[Scene], effort: Effort) -> F
         lines += found.lines
         tables |= found.tables
     return Findings(lines, tables)
+
+
+def attempt(part: str, scenes: Sequence[Scene], effort: Effort) -> Findings:
+    """Measure a part; if it fails, the others are still worth measuring."""
+    try:
+        return PARTS[part](scenes, effort)
+    except (ObstacleDetectionError, AssertionError):
+        traceback.print_exc()
+        return Findings((Line(f'all of {part}', NOT_MEASURED),))
 
 
 def described(scenes: Sequence[Scene]) -> str:

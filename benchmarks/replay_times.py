@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 from collections.abc import Sequence
@@ -87,7 +88,7 @@ def pair_rate_hz(progress: Sequence[tuple[float, int, int]], workers: int) -> fl
     begun = sorted(firsts.values())[workers - 1]
     ended = sorted(lasts.values())[len(lasts) - workers]
     during = [moment for moment, _, _ in progress if begun < moment <= ended]
-    return len(during) / (ended - begun)
+    return len(during) / (ended - begun) if during else math.nan
 
 
 def file_share(summaries: Sequence[ReplaySummary]) -> float:
