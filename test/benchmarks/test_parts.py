@@ -26,7 +26,7 @@ MOON = ROOT / 'bags' / 'simulated_vga_moon'
 
 
 def times(ratio: float, seconds: float = 0.1, figures: Figures | None = None) -> PairTimes:
-    return PairTimes(seconds, seconds / ratio, {'match': seconds / 2}, figures)
+    return PairTimes(seconds, seconds / ratio, 2 * ratio, {'match': seconds / 2}, figures)
 
 
 def test_scenes_are_the_samples_and_what_is_rendered_already(
@@ -58,9 +58,10 @@ def test_scene_of_another_size_is_resized_only_if_there_is_no_other() -> None:
 
 
 def test_lines_of_the_detection_are_medians_and_worst() -> None:
-    median, worst, own_ms, plain_ms = ratio_lines([times(1.0), times(0.5), times(2.5)])
+    median, worst, cpu, own_ms, plain_ms = ratio_lines([times(1.0), times(0.5), times(2.5)])
     assert (median.measured, median.met) == ('1.00 x SGBM', True)
     assert (worst.measured, worst.met) == ('2.50 x SGBM', False)
+    assert (cpu.measured, cpu.met) == ('2.00 x', None)
     assert (own_ms.measured, plain_ms.measured) == ('100 ms', '100 ms')
     (line,) = smaller_lines([times(4.0), times(8.0)])
     assert line.measured == '6.00 x its own SGBM, worst 8.00; 100 ms'

@@ -124,6 +124,7 @@ def test_quick_run_prints_each_figure(
         r'^2 scenes: 1 of 1024 x 768, 1 of 400 x 300\.$',
         rf'^detection at 1024 x 768, median of 1 scenes: {NUMBER} x SGBM{goal}',
         rf'^detection at 1024 x 768, worst scene: {NUMBER} x SGBM{goal}',
+        rf"^detection at 1024 x 768, median of CPU time relative to SGBM's: {NUMBER} x$",
         rf'^detection at 1024 x 768, median: {NUMBER} ms$',
         rf'^plain SGBM at 1024 x 768, median: {NUMBER} ms$',
         rf'^detection in smaller images, median of 1 scenes: {NUMBER} x its own SGBM, worst',

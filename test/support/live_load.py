@@ -126,7 +126,7 @@ def steady(
 ) -> Steady:
     """Play a bag into the node with mask and clouds subscribed.
 
-    In a loop, until this many frames came after it settled.
+    In a loop, until this many frames came after it settled, which needs some detections too.
     """
     diagnostics = graph.diagnostics()
     topics = [graph.subscribe(type_, topic) for topic, type_ in OUTPUTS.items()]
@@ -144,7 +144,12 @@ def steady(
             topic.arrivals_s.clear()
         return count('stereo input', 'pairs')
 
-    graph.wait_for(lambda: pairs() >= settled_after, process, timeout_s=120)
+    least = settled_after // 5 if loop else 0
+
+    def settled() -> bool:
+        return pairs() >= settled_after and count('detection', 'detections') >= least
+
+    graph.wait_for(settled, process, timeout_s=120)
     settled_mb, settled_cpu_s, settled_pairs = process.resident_mb(), process.cpu_s(), pairs()
     settled_lost = count('stereo input', 'images lost on the way')
     settled_dropped = count('detection', 'dropped frames')
