@@ -5,19 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 import synthetic
 from live_graph import live_graph, write_stereo_bag
-from live_load import Steady, steady
+from live_load import Overload, Steady, steady
 from live_node import (
     Run,
     highest_rate,
     latency_lines,
     memory_lines,
     overhead_lines,
+    overload_line,
     rate_lines,
     start_hollow,
 )
@@ -80,6 +82,25 @@ def test_lines_of_latency_memory_and_overhead() -> None:
         ('1.20 x SGBM', False),
         ('0.12 x SGBM', True),
     ]
+
+
+def test_overloaded_node_has_to_count_what_it_drops() -> None:
+    flood = Overload(
+        frame_s=0.1,
+        sent=20,
+        received=38,
+        pairs=19,
+        lost=2,
+        dropped=15,
+        detections=4,
+        bad=0,
+        staleness_s=np.array([0.01, 0.02, 0.03]),
+        recovered_s=0.1,
+    )
+    line = overload_line(flood)
+    assert (line.measured, line.met) == ('p50 20 ms, p95 29 ms; 15 of 19 dropped', True)
+    assert overload_line(replace(flood, lost=1)).met is False
+    assert overload_line(replace(flood, dropped=14)).met is False
 
 
 def test_node_without_detection_publishes_its_first_result_again(tmp_path: Path) -> None:
