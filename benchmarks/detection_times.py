@@ -1,133 +1,216 @@
-"""Measure what the hybrid method takes, stage by stage and at several resolutions.
+"""What `Detector.detect` takes: against plain SGBM, by stage, by working scale, by listing.
 
-    python benchmarks/detection_times.py bags/*
-    python benchmarks/detection_times.py LABELLED_BAG... --scales 0 0.5 0.75 1
-
-Times are relative to one plain SGBM call (3WAY, 64 disparities, block 5, P1 300, P2 1200,
-uniqueness 8, speckle 50) on the full-size pair, just before. The first turn is a warm-up. Where
-bags have labels, each scale also shows what its masks are worth. Scale 0 is the detector's choice.
-Run it on an otherwise idle machine.
+All times are those of plain SGBM and of the detector in turns, in one process.
 """
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import time
-from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import NamedTuple
 
-import cv2
+from benchmark_scenes import STANDARD, Pair, Scene, plain_seconds, standard_scenes
+from effort import Effort
+from findings import Findings, Line, at_least, at_most
 
 from rover_obstacle_detection import Detector, DetectorConfig
-from rover_obstacle_detection.bags.reader import open_bag
-from rover_obstacle_detection.bags.stereo import StereoPair, read_pairs
 from rover_obstacle_detection.detection.result.detection import Detection
-from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
-from rover_obstacle_detection.evaluation.plain_stereo import plain_stereo_seconds
-from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
-from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
+from rover_obstacle_detection.evaluation.methods.registry import make_method
+from rover_obstacle_detection.evaluation.tables import Table, number
+from rover_obstacle_detection.offline.stopwatch import Stopwatch
 
 CLOUDS = 'clouds and obstacles, on request'
-Pair = StereoPair | LabelledFrame
+DEFAULT_SCALE = 0.0
+MEDIAN_GOAL, WORST_GOAL, LISTING_GOAL = 1.0, 2.0, 50.0
 
 
-@dataclass
-class Times:
-    """Ratios to plain SGBM: of `detect` for each pair, and of each stage; scores of the masks."""
+@dataclass(frozen=True)
+class PairTimes:
+    """The lowest times of all turns of one pair: what other programs take only adds.
 
-    detect: list[float] = field(default_factory=list)
-    stages: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
-    scores: list[Figures] = field(default_factory=list)
+    Parameters
+    ----------
+    seconds, plain_seconds : float
+        Of the detector, and of plain SGBM.
+    cpu_ratio : float
+        CPU time of all threads, relative to that of plain SGBM.
+    stages : dict of str to float
+        Seconds of each stage in the fastest turn.
+    figures : Figures, optional
+        What the mask is worth, where there are labels.
+    """
 
+    seconds: float
+    plain_seconds: float
+    cpu_ratio: float
+    stages: dict[str, float]
+    figures: Figures | None = None
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('bags', nargs='+', type=Path, metavar='BAG')
-    parser.add_argument('--scales', nargs='+', type=float, default=[0.0])
-    parser.add_argument('--repeat', type=int, default=7, help='turns per pair (default: 7)')
-    arguments = parser.parse_args()
-    print(f'OpenCV {cv2.__version__}, {cv2.getNumThreads()} threads')
-    by_scale = {scale: Times() for scale in arguments.scales}
-    for path in arguments.bags:
-        for number, pair in enumerate(pairs_of(path)):
-            for scale, times in by_scale.items():
-                measure(pair, scale, times, arguments.repeat)
-            ratios = ', '.join(f'{times.detect[-1]:.2f}' for times in by_scale.values())
-            print(f'{path.resolve().name} {number}: {ratios} x SGBM', flush=True)
-    print_scales(by_scale)
-    print_stages(by_scale[arguments.scales[0]])
-
-
-def pairs_of(path: Path) -> Iterator[Pair]:
-    """Labelled frames of a bag, or its pairs where it has no labels."""
-    with open_bag(path) as bag:
-        try:
-            frames, _ = labelled_frames(bag, find_truth_topics(bag), BagOptions())
-        except BagError:
-            frames = read_pairs(bag, bag.stereo_topics())
-        yield from (each for each in frames if isinstance(each, StereoPair | LabelledFrame))
+    @property
+    def ratio(self) -> float:
+        """Time relative to plain SGBM."""
+        return self.seconds / self.plain_seconds
 
 
-def measure(pair: Pair, scale: float, times: Times, repeat: int) -> None:
+class Turn(NamedTuple):
+    """Seconds of `detect`, its CPU seconds, and the seconds of each stage and of the clouds."""
+
+    seconds: float
+    cpu_seconds: float
+    stages: dict[str, float]
+
+
+def detection_findings(scenes: Sequence[Scene], effort: Effort) -> Findings:
+    """Measure all scenes at the default scale, those of 1024 x 768 also at fixed ones."""
+    standard = standard_scenes(scenes)
+    default = [measured(scene.pair, DEFAULT_SCALE, effort.turns) for scene in standard]
+    others = [
+        measured(scene.pair, DEFAULT_SCALE, effort.turns)
+        for scene in scenes
+        if scene.size != STANDARD
+    ]
+    by_scale = {
+        scale: default
+        if scale == DEFAULT_SCALE
+        else [measured(scene.pair, scale, effort.turns) for scene in standard]
+        for scale in effort.scales
+    }
+    lines = (
+        *ratio_lines(default),
+        *smaller_lines(others),
+        listing_line(standard[: effort.listing_pairs], default),
+    )
+    return Findings(lines, {'stages': stage_table(default), 'curve': curve_table(by_scale)})
+
+
+def measured(pair: Pair, scale: float, turns: int) -> PairTimes:
     """Detect in one pair at one scale, in turns with plain SGBM."""
     detector = Detector(pair.camera, DetectorConfig(working_scale=scale))
-    ratios: list[float] = []
-    stages: dict[str, list[float]] = defaultdict(list)
-    for turn in range(repeat + 1):
-        plain = plain_stereo_seconds(pair.camera, pair.left, pair.right)
-        ends: list[tuple[str, float]] = []
-        began = time.perf_counter()
-        found = detector.detect(
-            pair.left,
-            pair.right,
-            on_stage=lambda stage, ends=ends: ends.append((stage, time.perf_counter())),
-        )
-        ratio = (time.perf_counter() - began) / plain
-        on_request = requested_seconds(found) / plain
-        if turn:
-            ratios.append(ratio)
-            stages[CLOUDS].append(on_request)
-            for (stage, end), start in zip(ends, [began, *(end for _, end in ends)], strict=False):
-                stages[stage].append((end - start) / plain)
-    times.detect.append(statistics.median(ratios))
-    for stage, values in stages.items():
-        times.stages[stage].append(statistics.median(values))
-    if isinstance(pair, LabelledFrame):
-        times.scores.append(score(found.mask, pair.labels, pair.instances, found.known))
+    # The first turn is a warm-up.
+    found, _ = detected(detector, pair)
+    plain, plain_cpu, taken = [], [], []
+    for _ in range(turns):
+        began = time.process_time()
+        plain.append(plain_seconds(pair))
+        plain_cpu.append(time.process_time() - began)
+        taken.append(detected(detector, pair)[1])
+    fastest = min(taken, key=attrgetter('seconds'))
+    labelled = isinstance(pair, LabelledFrame)
+    return PairTimes(
+        fastest.seconds,
+        min(plain),
+        min(each.cpu_seconds for each in taken) / min(plain_cpu),
+        fastest.stages,
+        score(found.mask, pair.labels, pair.instances, found.known) if labelled else None,
+    )
 
 
-def requested_seconds(found: Detection) -> float:
-    """Time of what is computed on first access."""
-    began = time.perf_counter()
+def detected(detector: Detector, pair: Pair) -> tuple[Detection, Turn]:
+    """Detect in a pair, and make the clouds."""
+    watch = Stopwatch()
+    began, cpu_began = time.perf_counter(), time.process_time()
+    found = detector.detect(pair.left, pair.right, on_stage=watch.lap)
+    seconds, cpu_seconds = time.perf_counter() - began, time.process_time() - cpu_began
     _ = found.obstacle_points, found.ground_points, found.obstacles
-    return time.perf_counter() - began
+    watch.lap(CLOUDS)
+    stages = {stage: ms / 1000 for stage, ms in watch.take_ms().items()}
+    return found, Turn(seconds, cpu_seconds, stages)
 
 
-def print_scales(by_scale: dict[float, Times]) -> None:
-    print(f'\n{"scale":>5} {"median":>7} {"worst":>6}   x SGBM')
+def ratio_lines(times: Sequence[PairTimes]) -> tuple[Line, ...]:
+    """Lines of the time at 1024 x 768 against plain SGBM."""
+    ratios = [each.ratio for each in times]
+    name = f'detection at {STANDARD[0]} x {STANDARD[1]}'
+    return (
+        at_most(f'{name}, median of {len(times)} scenes', statistics.median(ratios), MEDIAN_GOAL),
+        at_most(f'{name}, worst scene', max(ratios), WORST_GOAL),
+        Line(
+            f"{name}, median of CPU time relative to SGBM's",
+            f'{statistics.median(each.cpu_ratio for each in times):.2f} x',
+        ),
+        Line(f'{name}, median', f'{median_ms(each.seconds for each in times):.0f} ms'),
+        Line(
+            f'plain SGBM at {STANDARD[0]} x {STANDARD[1]}, median',
+            f'{median_ms(each.plain_seconds for each in times):.0f} ms',
+        ),
+    )
+
+
+def smaller_lines(times: Sequence[PairTimes]) -> tuple[Line, ...]:
+    """Line of the scenes of other sizes, against plain SGBM on the same small images."""
+    if not times:
+        return ()
+    ratios = [each.ratio for each in times]
+    figures = (
+        f'{statistics.median(ratios):.2f} x its own SGBM, worst {max(ratios):.2f}; '
+        f'{median_ms(each.seconds for each in times):.0f} ms'
+    )
+    return (Line(f'detection in smaller images, median of {len(times)} scenes', figures),)
+
+
+def median_ms(seconds: Iterable[float]) -> float:
+    """Median in milliseconds."""
+    return 1000 * statistics.median(seconds)
+
+
+def listing_line(scenes: Sequence[Scene], times: Sequence[PairTimes]) -> Line:
+    """Compare with the study's code as printed, by the total time on some scenes."""
+    listing = make_method('listing')
+    began = time.perf_counter()
+    for scene in scenes:
+        listing(scene.pair.camera, scene.pair.left, scene.pair.right)
+    seconds = time.perf_counter() - began
+    own_seconds = sum(each.seconds for each in times[: len(scenes)])
+    what = f"speed relative to the study's listing, {len(scenes)} scenes"
+    return at_least(what, seconds / own_seconds, LISTING_GOAL, '{:.0f} x')
+
+
+def stage_table(times: Sequence[PairTimes]) -> Table:
+    """Tabulate the mean time of each stage over the scenes."""
+    stages = list(dict.fromkeys(stage for each in times for stage in each.stages))
+    rows = []
+    for stage in stages:
+        seconds = [each.stages.get(stage, 0.0) for each in times]
+        ratios = [own / each.plain_seconds for own, each in zip(seconds, times, strict=True)]
+        rows.append(
+            (stage, f'{statistics.fmean(ratios):.2f}', f'{1000 * statistics.fmean(seconds):.1f}')
+        )
+    return Table('Stages', ('stage', 'x SGBM', 'ms'), rows)
+
+
+def curve_table(by_scale: dict[float, list[PairTimes]]) -> Table:
+    """Tabulate time and accuracy over the working scale."""
+    rows = []
     for scale, times in by_scale.items():
-        line = f'{scale:5g} {statistics.median(times.detect):7.2f} {max(times.detect):6.2f}'
-        ious = [each.iou for each in times.scores if each.iou is not None]
-        if ious:
-            total = sum(times.scores, Figures())
-            line += (
-                f'   mean IoU {statistics.fmean(ious):.3f}, worst {min(ious):.3f}, '
-                f'{total.obstacles_found} of {total.obstacles} obstacles, '
-                f'{total.false_alarms} false alarms'
+        ratios = [each.ratio for each in times]
+        figures = [each.figures for each in times if each.figures is not None]
+        ious = [each.iou for each in figures if each.iou is not None]
+        total = sum(figures, Figures())
+        rows.append(
+            (
+                '0: follows the step (default)' if scale == DEFAULT_SCALE else f'{scale:g}',
+                f'{statistics.median(ratios):.2f}',
+                f'{max(ratios):.2f}',
+                f'{median_ms(each.seconds for each in times):.0f}',
+                number(statistics.fmean(ious) if ious else None),
+                number(min(ious, default=None)),
+                f'{total.obstacles_found}/{total.obstacles}',
+                str(total.false_alarms),
             )
-        print(line)
-
-
-def print_stages(times: Times) -> None:
-    print('\nmean x SGBM of each stage')
-    for stage, values in times.stages.items():
-        print(f'  {stage:34} {statistics.fmean(values):5.2f}')
-
-
-if __name__ == '__main__':
-    main()
+        )
+    header = (
+        '`working_scale`',
+        'x SGBM, median',
+        'worst',
+        'ms',
+        'mean IoU',
+        'worst IoU',
+        'obstacles found',
+        'false alarms',
+    )
+    return Table('Accuracy over time', header, rows)

@@ -12,17 +12,14 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
+from benchmark_scenes import Pair, plain_seconds, read_scenes
 
-from rover_obstacle_detection.bags.reader import open_bag
-from rover_obstacle_detection.bags.stereo import StereoPair, read_pairs
 from rover_obstacle_detection.evaluation.methods.method import Method
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 from rover_obstacle_detection.evaluation.methods.registry import make_method
-from rover_obstacle_detection.evaluation.plain_stereo import plain_stereo_seconds
 
 
 def main() -> None:
@@ -36,43 +33,34 @@ def main() -> None:
     print(f'OpenCV {cv2.__version__}, {cv2.getNumThreads()} threads')
     print(f'{"pair":28} {"size":>10} {"method":11} {"ms":>7} {"SGBM ms":>8} {"x SGBM":>7}')
     ratios: dict[str, list[float]] = {name: [] for name in methods}
-    for path in arguments.bags:
-        for label, pair in pairs_of(path, arguments.every):
-            rows = time_pair(methods, pair, arguments.repeat)
-            for name, (seconds, plain_seconds, ratio) in rows.items():
-                ratios[name].append(ratio)
-                size = f'{pair.camera.width}x{pair.camera.height}'
-                print(
-                    f'{label:28} {size:>10} {name:11} {1000 * seconds:7.1f} '
-                    f'{1000 * plain_seconds:8.1f} {ratio:7.2f}',
-                    flush=True,
-                )
+    for scene in read_scenes(arguments.bags)[:: arguments.every]:
+        rows = time_pair(methods, scene.pair, arguments.repeat)
+        for name, (seconds, plain, ratio) in rows.items():
+            ratios[name].append(ratio)
+            size = f'{scene.size[0]}x{scene.size[1]}'
+            print(
+                f'{scene.name:28} {size:>10} {name:11} {1000 * seconds:7.1f} '
+                f'{1000 * plain:8.1f} {ratio:7.2f}',
+                flush=True,
+            )
     for name, values in ratios.items():
         print(f'{name}: mean {statistics.fmean(values):.2f}, worst {max(values):.2f} x SGBM')
 
 
-def pairs_of(path: Path, every: int) -> Sequence[tuple[str, StereoPair]]:
-    with open_bag(path) as bag:
-        frames = read_pairs(bag, bag.stereo_topics(), every=every)
-        pairs = [frame for frame in frames if isinstance(frame, StereoPair)]
-    return [(f'{path.resolve().name[:24]} {number}', pair) for number, pair in enumerate(pairs)]
-
-
 def time_pair(
-    methods: dict[str, Method], pair: StereoPair, repeat: int
+    methods: dict[str, Method], pair: Pair, repeat: int
 ) -> dict[str, tuple[float, float, float]]:
     """Median seconds, median SGBM seconds and median ratio of each method."""
-    images = pair.camera, pair.left, pair.right
     seconds: dict[str, list[float]] = {name: [] for name in methods}
     plain: dict[str, list[float]] = {name: [] for name in methods}
     for turn in range(repeat + 1):
         for name, method in methods.items():
-            plain_seconds = plain_stereo_seconds(*images)
+            yardstick = plain_seconds(pair)
             started = time.perf_counter()
-            method(*images)
+            method(pair.camera, pair.left, pair.right)
             own_seconds = time.perf_counter() - started
             if turn:
-                plain[name].append(plain_seconds)
+                plain[name].append(yardstick)
                 seconds[name].append(own_seconds)
     return {
         name: (

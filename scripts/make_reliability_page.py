@@ -14,7 +14,7 @@ PAGE = ROOT / 'docs' / 'reliability.md'
 sys.path.insert(0, str(ROOT / 'test' / 'support'))
 
 from fault_table import LIVE, REPLAY, ROWS, START, Row  # noqa: E402
-from update_evaluation import with_block  # noqa: E402
+from generated_blocks import with_block  # noqa: E402
 
 SAYS = {START: 'what the node says', LIVE: 'what the node says', REPLAY: 'what the replay says'}
 

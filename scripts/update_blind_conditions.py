@@ -19,8 +19,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from generated_blocks import check_block, with_block
 from studies.blind_views import detector, views
-from update_evaluation import check_block, with_block
 
 from rover_obstacle_detection.detection.config import METHODS, DetectorConfig
 from rover_obstacle_detection.errors import ObstacleDetectionError

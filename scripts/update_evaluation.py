@@ -24,6 +24,7 @@ from pathlib import Path
 
 from evaluation_blocks import PAGES
 from evaluation_results import Results
+from generated_blocks import check_block, with_block
 
 from rover_obstacle_detection.errors import MissingExtraError, ObstacleDetectionError
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
@@ -150,20 +151,6 @@ def chosen_methods(only: list[str] | None) -> list[str]:
         except MissingExtraError as error:
             print(f'skipped: {error}', file=sys.stderr)
     return installed
-
-
-def check_block(page: Path, name: str) -> None:
-    """Exit if a page lacks the markers of a block."""
-    text = page.read_text(encoding='utf-8')
-    if f'<!-- begin {name} -->\n' not in text or f'<!-- end {name} -->' not in text:
-        sys.exit(f'{page} has no block {name}')
-
-
-def with_block(text: str, name: str, content: str) -> str:
-    """Replace the content between the markers of a block."""
-    begin, end = f'<!-- begin {name} -->\n', f'<!-- end {name} -->'
-    before, _, rest = text.partition(begin)
-    return f'{before}{begin}\n{content}\n{end}{rest.partition(end)[2]}'
 
 
 if __name__ == '__main__':

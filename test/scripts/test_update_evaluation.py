@@ -20,8 +20,8 @@ from evaluation_blocks import (
     worst_frames,
 )
 from evaluation_results import Results
+from generated_blocks import check_block, with_block
 from studies.gravity_study import SceneGravity
-from update_evaluation import check_block, with_block
 
 from rover_obstacle_detection.errors import MissingExtraError
 from rover_obstacle_detection.evaluation.causes import Cause

@@ -172,14 +172,20 @@ class LiveGraph:
         self._ended = threading.Event()
 
     def start(self, *arguments: str) -> Process:
-        log = self.folder / f'{len(self._processes)}_{arguments[0]}.log'
-        command = [sys.executable, '-m', 'rover_obstacle_detection', *arguments]
-        process = Process(command, log, self.environment)
+        return self.start_python(arguments[0], '-m', 'rover_obstacle_detection', *arguments)
+
+    def start_python(self, name: str, *arguments: str) -> Process:
+        log = self.folder / f'{len(self._processes)}_{name}.log'
+        process = Process([sys.executable, *arguments], log, self.environment)
         self._processes.append(process)
         return process
 
     def start_node(self, *ros_arguments: str, namespace: str = 'stereo') -> Process:
-        process = self.start('run', '--namespace', namespace, '--ros-args', *ros_arguments)
+        return self.wait_until_active(
+            self.start('run', '--namespace', namespace, '--ros-args', *ros_arguments)
+        )
+
+    def wait_until_active(self, process: Process) -> Process:
         self.wait_for(lambda: ' active, method ' in process.output, process)
         return process
 
@@ -321,16 +327,29 @@ def write_stereo_bag(
 
     At ``end`` a last calibration, for loops of steady rate.
     """
-    exposures = itertools.cycle((view, synthetic.exposed_again(view)))
-    with BagWriter(path) as bag:
-        for stamp, exposure in zip(stamps, exposures, strict=False):
-            for side, array in (('left', exposure.left), ('right', exposure.right)):
-                info = make_info(view.scene.camera, side, stamp, bag.factory)
+    images = [(each.left, each.right) for each in (view, synthetic.exposed_again(view))]
+    write_pairs(path, view.scene.camera, images, stamps, end=end)
+
+
+def write_pairs(
+    path: Path,
+    camera: StereoCamera,
+    images: Sequence[tuple[np.ndarray, np.ndarray]],
+    stamps: Sequence[int],
+    *,
+    end: int | None = None,
+    compress: bool = True,
+) -> None:
+    """Record pairs of images in turn, and at ``end`` a last calibration."""
+    with BagWriter(path, compress=compress) as bag:
+        for stamp, pair in zip(stamps, itertools.cycle(images), strict=False):
+            for side, array in zip(('left', 'right'), pair, strict=True):
+                info = make_info(camera, side, stamp, bag.factory)
                 image = make_image(array, stamp, bag.factory)
                 bag.add(f'/stereo/{side}/camera_info', 'sensor_msgs/msg/CameraInfo', info, stamp)
                 bag.add(f'/stereo/{side}/image_rect', 'sensor_msgs/msg/Image', image, stamp)
         if end is not None:
-            info = make_info(view.scene.camera, 'left', end, bag.factory)
+            info = make_info(camera, 'left', end, bag.factory)
             bag.add('/stereo/left/camera_info', 'sensor_msgs/msg/CameraInfo', info, end)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,46 +108,81 @@ class Steady:
     settled_mb: float
     end_mb: float
     own_mb: float
+    settled_lost: int
+    """Images lost and pairs dropped while it settled."""
+    settled_dropped: int
+    cpu_ms: float
+    """CPU time of the node for each pair after it settled."""
 
 
-def steady(graph: LiveGraph, bag: Path, frames: int, settled_after: int) -> Steady:
-    """Play a bag into the node with mask and clouds subscribed."""
+def steady(
+    graph: LiveGraph,
+    bag: Path,
+    frames: int,
+    settled_after: int,
+    *,
+    loop: bool = False,
+    start_node: Callable[[LiveGraph], Process] = LiveGraph.start_node,
+) -> Steady:
+    """Play a bag into the node with mask and clouds subscribed.
+
+    In a loop, until this many frames came after it settled, which needs some detections too.
+    """
     diagnostics = graph.diagnostics()
     topics = [graph.subscribe(type_, topic) for topic, type_ in OUTPUTS.items()]
-    process = graph.start_node()
+    process = start_node(graph)
     graph.wait_until_listening('/stereo/left/image_rect', '/stereo/right/image_rect')
-    player = graph.start('play', str(bag))
+    player = graph.start('play', str(bag), *(['--loop'] if loop else []))
+
+    def count(task: str, name: str) -> int:
+        return int(diagnostics.value(task, name, '0'))
 
     def pairs() -> int:
         # What came is of no interest here, and would fill the memory.
         for topic in topics:
             topic.messages.clear()
-        return int(diagnostics.value('stereo input', 'pairs', '0'))
+            topic.arrivals_s.clear()
+        return count('stereo input', 'pairs')
 
-    graph.wait_for(lambda: pairs() >= settled_after, process, timeout_s=120)
-    settled_mb = process.resident_mb()
-    graph.wait_for(lambda: not player.running, process, timeout_s=300)
-    assert player.wait() == 0, player.output
-    count = diagnostics.count
-    graph.wait_for(lambda: diagnostics.count > count + 1, process)
+    least = settled_after // 5 if loop else 0
+
+    def settled() -> bool:
+        return pairs() >= settled_after and count('detection', 'detections') >= least
+
+    graph.wait_for(settled, process, timeout_s=120)
+    settled_mb, settled_cpu_s, settled_pairs = process.resident_mb(), process.cpu_s(), pairs()
+    settled_lost = count('stereo input', 'images lost on the way')
+    settled_dropped = count('detection', 'dropped frames')
+    graph.wait_for(
+        lambda: not player.running or (loop and pairs() >= settled_pairs + frames),
+        process,
+        timeout_s=300,
+    )
+    cpu_s = process.cpu_s() - settled_cpu_s
+    assert player.stop() == 0, player.output
+    seen = diagnostics.count
+    graph.wait_for(lambda: diagnostics.count > seen + 1, process)
 
     def judged() -> int:
-        names = ('detections', 'dropped frames')
-        return sum(int(diagnostics.value('detection', name, '0')) for name in names)
+        names = ('detections', 'dropped frames', 'bad frames')
+        return sum(count('detection', name) for name in names)
 
     # On a busy machine, the last pair takes seconds.
     graph.wait_for(lambda: judged() >= pairs(), process)
     return Steady(
         sent=frames,
         pairs=pairs(),
-        lost=int(diagnostics.value('stereo input', 'images lost on the way')),
-        dropped=int(diagnostics.value('detection', 'dropped frames')),
-        detections=int(diagnostics.value('detection', 'detections')),
+        lost=count('stereo input', 'images lost on the way'),
+        dropped=count('detection', 'dropped frames'),
+        detections=count('detection', 'detections'),
         latency_p50_ms=float(diagnostics.value('detection', 'latency p50 (ms)')),
         latency_p95_ms=float(diagnostics.value('detection', 'latency p95 (ms)')),
         settled_mb=settled_mb,
         end_mb=process.resident_mb(),
         own_mb=process.own_mb(),
+        settled_lost=settled_lost,
+        settled_dropped=settled_dropped,
+        cpu_ms=1000 * cpu_s / max(pairs() - settled_pairs, 1),
     )
 
 
