@@ -13,7 +13,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.geometry.parameters import PlaneFitParameters
-from rover_obstacle_detection.detection.images.robust import quantile
+from rover_obstacle_detection.detection.geometry.robust import quantile
 
 
 def estimate_ground(

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.geometry.robust import robust_spread
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
-from rover_obstacle_detection.detection.images.robust import robust_spread
 
 
 def image_noise(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.geometry.robust import robust_spread
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
-from rover_obstacle_detection.detection.images.robust import robust_spread
 
 
 def texture_level(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.images.robust import robust_spread
+from rover_obstacle_detection.detection.geometry.robust import robust_spread
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.geometry.robust import robust_spread
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
-from rover_obstacle_detection.detection.images.robust import robust_spread
 from rover_obstacle_detection.detection.images.strips import Strip, in_strips
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
+from rover_obstacle_detection.detection.geometry.robust import quantile
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
-from rover_obstacle_detection.detection.images.robust import quantile
 from rover_obstacle_detection.detection.images.strips import Strip, in_strips
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters

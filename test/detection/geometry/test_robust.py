@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.images.robust import quantile, robust_spread
+from rover_obstacle_detection.detection.geometry.robust import quantile, robust_spread
 
 
 @pytest.mark.parametrize('sigma', [0.2, 7.0])
