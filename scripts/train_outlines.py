@@ -1,22 +1,24 @@
 """Train the network that outlines obstacles, and write it into the package.
 
     pip install '.[sim,train]'
-    python scripts/train_outlines.py                                    # rendering, then 1 hour
-    python scripts/train_outlines.py --cached-only --minutes 25         # no rendering
+    python scripts/train_outlines.py                                    # rendering, then training
+    python scripts/train_outlines.py --cached-only --minutes 60         # no rendering
     python scripts/train_outlines.py --bags BAG... --output model.onnx  # on your own recordings
+    python scripts/train_outlines.py --start MODEL --teacher scripts/outline_training/teacher.onnx
 
 One command renders, trains, exports and checks the network:
 
 1. It renders the suites `training` and `training_wide`, unless the cache has them, and computes
    the features of each frame as the detector does.
-2. It trains the network from random weights.
+2. It trains the network, from random weights or from those of `--start`.
 3. It exports the network, compares the file with PyTorch, and only then moves it into place.
 4. It prints the IoU of rocks on scenes that it was not trained on: a tenth of both suites, and the
    ``tune_*`` scenes of the standard suite. It never reads the ``report_*`` scenes.
 
-The shipped file is a larger network with the same inputs: two U-shaped branches that begin at
-half of the resolution, at four times the cost. Compare both with ``scripts/update_evaluation.py``
-before you replace it: a new network needs most of the scenes to become as good.
+The teacher in ``scripts/outline_training`` has two branches, each like the network that ships, and
+takes twice as long. The shipped network began as one of them and learned from both. From random
+weights, a quarter of the scenes and an hour are not enough: compare a new network with
+``scripts/update_evaluation.py`` before you replace the old one.
 
 On a machine with other load, set ``OMP_NUM_THREADS=1``: threads that wait for each other slow the
 training several times.
@@ -33,7 +35,7 @@ from itertools import chain
 from pathlib import Path
 
 from outline_training.examples import Example, bags_of_suite, examples_of_bags
-from outline_training.export import write_model
+from outline_training.export import read_network, write_model
 from outline_training.score import mean_iou
 from outline_training.train import train
 
@@ -80,6 +82,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         help='ONNX file of another network, to learn from its output besides the labels',
     )
     parser.add_argument(
+        '--start',
+        type=Path,
+        metavar='MODEL',
+        help='ONNX file of this script to improve (default: random weights)',
+    )
+    parser.add_argument(
         '--output', type=Path, default=MODEL, help="ONNX file to write (default: the package's)"
     )
     options = parser.parse_args(arguments)
@@ -89,13 +97,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(f'--minutes is {options.minutes:g}: expected more than 0')
     try:
         check_output_file(options.output, force=True)
+        start = read_network(options.start) if options.start else None
         teacher = OutlineModel(options.teacher.read_bytes()) if options.teacher else None
         training, unseen = (
             given_bags(options.bags) if options.bags else suites(cached_only=options.cached_only)
         )
         if not training:
             sys.exit('error: nothing to train on')
-        net = train(training, options.steps, options.minutes, teacher)
+        net = train(training, options.steps, options.minutes, teacher, start)
         model = write_model(net, options.output)
     except (ObstacleDetectionError, OSError) as error:
         sys.exit(f'error: {error}')

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import io
 import warnings
 from pathlib import Path
@@ -11,10 +10,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import onnx
 import torch
-from torch import nn
+from google.protobuf.message import DecodeError
 
 from outline_training.crops import CROP_PX
-from outline_training.network import Corrected, OutlineNet
+from outline_training.network import OutlineNet
 from outline_training.train import pixel_logits
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES, FEATURES_VERSION
 from rover_obstacle_detection.detection.rocks.outline_model import VERSION_KEY, OutlineModel
@@ -27,12 +26,27 @@ _CHECKED_SHAPES = ((CROP_PX, CROP_PX), (80, 144))
 """The second shows that the file takes other sizes than the one it was exported with."""
 
 
-def folded(corrected: Corrected) -> nn.Sequential:
-    """Return a `Corrected` without the sum, which OpenCV 4.8 cannot import."""
-    convolution = copy.deepcopy(corrected.correction)
-    channels = torch.arange(convolution.out_channels)
-    convolution.weight.data[channels, channels, 1, 1] += 1
-    return nn.Sequential(convolution, nn.ReLU())
+def read_network(path: Path) -> OutlineNet:
+    """Read a network that `write_model` has written.
+
+    Raises
+    ------
+    ModelError
+        If the file holds another network.
+    """
+    net = OutlineNet()
+    try:
+        graph = onnx.load(str(path)).graph
+        # PyTorch does not take arrays that cannot be written.
+        weights = {
+            each.name: torch.from_numpy(onnx.numpy_helper.to_array(each).copy())
+            for each in graph.initializer
+        }
+        net.load_state_dict(weights)
+    except (DecodeError, RuntimeError) as error:
+        msg = f'{path}: not a network that this script has trained ({error})'
+        raise ModelError(msg) from error
+    return net
 
 
 def write_model(net: OutlineNet, path: Path) -> OutlineModel:
@@ -61,11 +75,6 @@ def write_model(net: OutlineNet, path: Path) -> OutlineModel:
 
 def onnx_model(net: OutlineNet) -> bytes:
     """Serialise the network for images of any size that is a multiple of sixteen."""
-    net = copy.deepcopy(net).eval()
-    for module in list(net.modules()):
-        for name, child in module.named_children():
-            if isinstance(child, Corrected):
-                setattr(module, name, folded(child))
     exported = io.BytesIO()
     with warnings.catch_warnings():
         # The newer exporter writes operators that OpenCV 4.8 does not know.
@@ -78,7 +87,7 @@ def onnx_model(net: OutlineNet) -> bytes:
             output_names=['logits'],
             dynamic_axes={
                 'features': {2: 'height', 3: 'width'},
-                'logits': {2: 'quarter_height', 3: 'quarter_width'},
+                'logits': {2: 'half_height', 3: 'half_width'},
             },
             opset_version=_OPSET,
             dynamo=False,

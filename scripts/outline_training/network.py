@@ -7,54 +7,57 @@ from torch import nn
 
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES
 
-FINE, MIDDLE, COARSE = 32, 48, 64
-"""Channels at a quarter, an eighth and a sixteenth of the resolution."""
+FINE, MIDDLE, COARSE = 16, 24, 48
+"""Channels at a half, a quarter and an eighth of the resolution."""
 
-SIDE_PX = 4
+SIDE_PX = 2
 """Side of the square of pixels whose logits the network returns together."""
 
 
-class Corrected(nn.Module):
-    """Adds a correction to its input (He et al. 2016). The correction is zero before training."""
+class Wide(nn.Module):
+    """Two convolutions, the second of which also sees the input of the first."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.correction = nn.Conv2d(width, width, 3, 1, 1)
-        nn.init.zeros_(self.correction.weight)
-        nn.init.zeros_(self.correction.bias)
+        self.before = convolved(width, width)
+        self.last = convolved(2 * width, width)
 
     def forward(self, channels: torch.Tensor) -> torch.Tensor:
         """Return the same shape."""
-        return torch.relu(channels + self.correction(channels))
+        return self.last(torch.cat((self.before(channels), channels), 1))
 
 
 class OutlineNet(nn.Module):
-    """A U-Net (Ronneberger et al. 2015): down to a sixteenth of the resolution, up to a quarter.
-
-    Its first convolution sees squares of pixels, whose details it hands to the last one.
-    """
+    """A U-Net (Ronneberger et al. 2015): down to an eighth of the resolution, up to a half."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.fine = corrected(nn.Conv2d(len(FEATURES), FINE, SIDE_PX, SIDE_PX), 1)
-        self.middle = corrected(nn.Conv2d(FINE, MIDDLE, 4, 2, 1), 1)
-        self.coarse = corrected(nn.Conv2d(MIDDLE, COARSE, 4, 2, 1), 5)
+        self.fine = halved(len(FEATURES), FINE)
+        self.middle = halved(FINE, MIDDLE)
+        self.coarse = nn.Sequential(halved(MIDDLE, COARSE), Wide(COARSE), Wide(COARSE))
         self.to_middle = nn.ConvTranspose2d(COARSE, MIDDLE, 2, 2)
-        self.merge_middle = corrected(nn.Conv2d(2 * MIDDLE, MIDDLE, 1), 2)
+        self.merge_middle = nn.Sequential(
+            convolved(2 * MIDDLE, MIDDLE), convolved(MIDDLE, MIDDLE), convolved(MIDDLE, MIDDLE)
+        )
         self.to_fine = nn.ConvTranspose2d(MIDDLE, FINE, 2, 2)
-        self.merge_fine = corrected(nn.Conv2d(2 * FINE, FINE, 1), 1)
+        self.merge_fine = convolved(2 * FINE, FINE)
         self.out = nn.Conv2d(FINE, SIDE_PX**2, 3, 1, 1)
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """Return the logits of each square of pixels, shape (n, 16, height / 4, width / 4)."""
+        """Return the logits of each square of pixels, shape (n, 4, height / 2, width / 2)."""
         fine = self.fine(features)
         middle = self.middle(fine)
         coarse = self.coarse(middle)
         middle = self.merge_middle(torch.cat((self.to_middle(coarse), middle), 1))
-        return self.out(self.merge_fine(torch.cat((self.to_fine(middle), fine), 1)))
+        fine = self.merge_fine(torch.cat((self.to_fine(middle), fine), 1))
+        return self.out(fine)
 
 
-def corrected(first: nn.Conv2d, corrections: int) -> nn.Sequential:
-    """Make a layer and its corrections."""
-    width = first.out_channels
-    return nn.Sequential(first, nn.ReLU(), *(Corrected(width) for _ in range(corrections)))
+def halved(channels: int, width: int) -> nn.Sequential:
+    """Make the layers that halve the resolution."""
+    return nn.Sequential(nn.Conv2d(channels, width, 4, 2, 1), nn.ReLU(), *convolved(width, width))
+
+
+def convolved(channels: int, width: int) -> nn.Sequential:
+    """Make a layer of 3 x 3 pixels."""
+    return nn.Sequential(nn.Conv2d(channels, width, 3, 1, 1), nn.ReLU())

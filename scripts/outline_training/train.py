@@ -1,8 +1,7 @@
-"""The training of the network from random weights."""
+"""The training of the network."""
 
 from __future__ import annotations
 
-import itertools
 import math
 import sys
 import time
@@ -21,7 +20,7 @@ from outline_training.network import SIDE_PX, OutlineNet
 from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 
 _BATCH = 10
-_PEAK_RATE, _LEAST_RATE = 3e-3, 1e-5
+_PEAK_RATE, _LATER_PEAK_RATE, _LEAST_RATE = 3e-3, 5e-4, 1e-5
 _WARM_UP_STEPS = 100
 _WEIGHT_DECAY = 1e-2
 _AVERAGING = 0.999
@@ -58,6 +57,7 @@ def train(
     steps: int,
     minutes: float = math.inf,
     teacher: OutlineModel | None = None,
+    start: OutlineNet | None = None,
     seed: int = 0,
 ) -> OutlineNet:
     """Minimise the loss of random crops by AdamW, and return the running mean of the weights.
@@ -72,28 +72,29 @@ def train(
     teacher : OutlineModel, optional
         A model to learn from, besides the labels. It sees the same varied crops (Beyer et al.
         2022).
+    start : OutlineNet, optional
+        Network whose weights are improved, at a lower learning rate; random ones by default.
     seed : int
         The same seed gives the same weights on the same machine, unless time runs out.
     """
     torch.manual_seed(seed)
     generator = np.random.default_rng(seed)
-    net = OutlineNet()
+    net = start or OutlineNet()
+    peak = _LATER_PEAK_RATE if start else _PEAK_RATE
     mean = AveragedModel(net, multi_avg_fn=update_running_mean)
     optimizer = torch.optim.AdamW(net.parameters(), weight_decay=_WEIGHT_DECAY)
     began = time.monotonic()
-    # The teacher is asked about every second batch: it takes longer than a step.
-    teachers = itertools.cycle((teacher, None))
     # The next batch is cut while the network learns from this one.
     with ThreadPoolExecutor(1) as pool:
-        batch = pool.submit(random_batch, examples, generator, next(teachers))
+        batch = pool.submit(random_batch, examples, generator, teacher)
         for step in range(steps):
             passed = (time.monotonic() - began) / 60 / minutes
             if passed >= 1:
                 break
             for group in optimizer.param_groups:
-                group['lr'] = learning_rate(step, max(step / steps, passed))
+                group['lr'] = learning_rate(step, max(step / steps, passed), peak)
             now = batch.result()
-            batch = pool.submit(random_batch, examples, generator, next(teachers))
+            batch = pool.submit(random_batch, examples, generator, teacher)
             loss = loss_of(pixel_logits(net, now.features), now)
             optimizer.zero_grad()
             loss.backward()
@@ -136,11 +137,11 @@ def update_running_mean(
         mean.lerp_(value, 1 - decay)
 
 
-def learning_rate(step: int, progress: float) -> float:
+def learning_rate(step: int, progress: float, peak: float = _PEAK_RATE) -> float:
     """Learning rate that rises linearly at first, then falls as half a cosine."""
     warm_up = min(1.0, step / _WARM_UP_STEPS)
     falling = 0.5 * (1 + math.cos(math.pi * progress))
-    return _PEAK_RATE * warm_up * falling + _LEAST_RATE
+    return peak * warm_up * falling + _LEAST_RATE
 
 
 def loss_of(logits: torch.Tensor, batch: Batch) -> torch.Tensor:

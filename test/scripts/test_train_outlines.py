@@ -22,8 +22,8 @@ from outline_training.examples import (
     examples_of_bags,
     straightened_labels,
 )
-from outline_training.export import folded, write_model
-from outline_training.network import Corrected, OutlineNet
+from outline_training.export import read_network, write_model
+from outline_training.network import OutlineNet
 from outline_training.score import mean_iou
 from outline_training.train import Batch, loss_of, pixel_logits
 
@@ -119,19 +119,33 @@ def test_a_file_that_differs_from_the_network_is_not_kept(monkeypatch, tmp_path)
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_corrections_are_exported(tmp_path):
+def test_a_written_network_is_read_again(tmp_path):
     net = random_weights(OutlineNet())
-    features = random_features(48, 80)
-    model = write_model(net, tmp_path / 'model.onnx')
-    np.testing.assert_allclose(
-        model.probability(features), probabilities(net, features), atol=1e-3
-    )
+    write_model(net, tmp_path / 'model.onnx')
+    read = read_network(tmp_path / 'model.onnx')
+    for name, weights in net.state_dict().items():
+        torch.testing.assert_close(read.state_dict()[name], weights, rtol=0, atol=0)
 
 
-def test_folding_changes_nothing():
-    corrected = random_weights(Corrected(6))
-    channels = torch.from_numpy(random_features(9, 7)[None, :6])
-    torch.testing.assert_close(folded(corrected)(channels), corrected(channels))
+def test_a_file_of_another_network_cannot_be_improved(tmp_path):
+    path = tmp_path / 'model.onnx'
+    path.write_bytes(b'no network')
+    with pytest.raises(ModelError, match=r'model\.onnx: not a network that this script'):
+        read_network(path)
+    other = onnx.helper.make_model(onnx.helper.make_graph([], 'other', [], []))
+    path.write_bytes(other.SerializeToString())
+    with pytest.raises(ModelError, match=r'model\.onnx: not a network that this script'):
+        read_network(path)
+
+
+def test_training_may_start_from_a_network(monkeypatch):
+    start = random_weights(OutlineNet())
+    before = {name: weights.clone() for name, weights in start.state_dict().items()}
+    net = train.train([example()], 1, start=start)
+    changed = [
+        (net.state_dict()[name] - weights).abs().max().item() for name, weights in before.items()
+    ]
+    assert 0 < max(changed) <= 2 * train._LATER_PEAK_RATE
 
 
 def test_training_ends_when_its_time_is_over():
