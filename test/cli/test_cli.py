@@ -225,6 +225,35 @@ def test_an_interrupt_exits_with_130(monkeypatch, capsys):
     assert 'interrupted' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ('module', 'package'), [('rosbags', 'rosbags'), ('ruamel.yaml', 'ruamel.yaml')]
+)
+def test_a_missing_package_is_one_line_with_the_remedy(module, package, tmp_path, monkeypatch):
+    # As beside apt's ROS 2, where nothing was installed with pip.
+    code = (
+        'import sys\n'
+        f'sys.modules[{module!r}] = None\n'
+        'from rover_obstacle_detection.cli.main import main\n'
+        "sys.exit(main(['inspect', 'bag']))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr == (
+        f'rover-obstacles: error: {package} is not installed: '
+        'pip install lz4 mcap rich rosbags ruamel.yaml\n'
+    )
+
+
+def test_another_missing_module_keeps_its_traceback(monkeypatch):
+    _command_that(
+        _raise(ModuleNotFoundError("No module named 'nothing'", name='nothing')), monkeypatch
+    )
+    with pytest.raises(ModuleNotFoundError):
+        cli.main(['act'])
+
+
 def test_an_unknown_error_keeps_its_traceback(monkeypatch):
     _command_that(_raise(ZeroDivisionError()), monkeypatch)
     with pytest.raises(ZeroDivisionError):

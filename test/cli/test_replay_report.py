@@ -199,7 +199,7 @@ def test_a_missing_library_is_named_before_any_work(
     assert main([*arguments, '--report']) == 1
     error = capsys.readouterr().err
     assert 'reports need jinja2' in error
-    assert 'rover_obstacle_detection[report]' in error
+    assert 'pip install jinja2 matplotlib' in error
     assert error.count('\n') == 1
     assert list(tmp_path.iterdir()) == []
 
