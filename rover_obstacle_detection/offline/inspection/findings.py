@@ -9,6 +9,7 @@ import numpy as np
 from rover_obstacle_detection.offline.inspection.calibration import Calibration
 from rover_obstacle_detection.offline.inspection.sample import Sample
 from rover_obstacle_detection.offline.inspection.streams import Stream, Synchronisation
+from rover_obstacle_detection.wording import counted
 
 # Mean of a pair's images beyond which their contrast or brightness is doubtful.
 _MAX_GREY_RATIO = 1.3
@@ -68,19 +69,24 @@ def what_is_doubtful(
             warnings.append(f'{stream.topic}: bad messages: {len(stream.bad)}{_first(stream.bad)}')
         if stream.repeats:
             warnings.append(
-                f'{stream.topic}: {stream.repeats} of {stream.images} images repeat the one '
-                'before, byte for byte: the camera or its driver was frozen'
+                f'{stream.topic}: {stream.repeats} of {counted(stream.images, "image")} '
+                f'repeat{"s" if stream.repeats == 1 else ""} the one before, byte for byte: the '
+                'camera or its driver was frozen'
             )
         if len(stream.sizes) > 1:
             warnings.append(f'{stream.topic} changes size: {", ".join(sorted(stream.sizes))}')
     lone = max(left.images, right.images) - synchronisation.pairs
     if lone and synchronisation.pairs:
-        warnings.append(f'{lone} image{"s have" if lone > 1 else " has"} no partner')
+        warnings.append(f'{counted(lone, "image has", "images have")} no partner')
     changes = sum(each.changes for each in (calibration.left, calibration.right) if each)
     if changes:
-        warnings.append(f'the calibration changes {changes} times: the first one is shown')
+        warnings.append(
+            f'the calibration changes {counted(changes, "time")}: the first one is shown'
+        )
     if sample.bad and sample.pairs:
-        warnings.append(f'{len(sample.bad)} sampled pairs cannot be used{_first(sample.bad)}')
+        warnings.append(
+            f'{counted(len(sample.bad), "sampled pair")} cannot be used{_first(sample.bad)}'
+        )
     if synchronisation.pairs:
         warnings += _doubtful_geometry(calibration, sample)
     return [*warnings, *_doubtful_images(sample)]
