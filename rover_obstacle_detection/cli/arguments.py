@@ -105,6 +105,29 @@ def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
     )
 
 
+def add_side_by_side_argument(group: argparse._ArgumentGroup) -> None:
+    """Add ``--side-by-side`` for a topic whose images show both views."""
+    group.add_argument(
+        '--side-by-side',
+        action='store_true',
+        help='each image of --left-topic shows both views, the left one in its left half',
+    )
+
+
+def check_side_by_side(arguments: argparse.Namespace) -> None:
+    """Check that ``--side-by-side`` comes with the one topic that it is about.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If not.
+    """
+    if arguments.side_by_side and (arguments.right_topic or not arguments.left_topic):
+        raise argparse.ArgumentTypeError(
+            '--side-by-side: expected --left-topic with both views, and no --right-topic'
+        )
+
+
 def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the detector's configuration and the rover's own pixels."""
     group = parser.add_argument_group('detector')

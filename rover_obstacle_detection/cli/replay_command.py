@@ -13,6 +13,8 @@ from rover_obstacle_detection.cli.arguments import (
     add_detector_arguments,
     add_output_arguments,
     add_recording_arguments,
+    add_side_by_side_argument,
+    check_side_by_side,
     detector_config,
     non_negative_number,
     positive_int,
@@ -111,11 +113,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('input')
     add_recording_arguments(group)
-    group.add_argument(
-        '--side-by-side',
-        action='store_true',
-        help='each image of --left-topic shows both views, the left one in its left half',
-    )
+    add_side_by_side_argument(group)
     group.add_argument(
         '--rectify',
         choices=RECTIFY,
@@ -224,10 +222,7 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
     from rover_obstacle_detection.offline.replay_options import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
-    if arguments.side_by_side and (arguments.right_topic or not arguments.left_topic):
-        raise argparse.ArgumentTypeError(
-            '--side-by-side: expected --left-topic with both views, and no --right-topic'
-        )
+    check_side_by_side(arguments)
     tolerance_s = arguments.approximate_sync
     return ReplayOptions(
         config=detector_config(arguments),

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from hand_made import (
     CAMERA,
-    FIRST_STAMP_NS,
     stereo_images,
     write_calibration,
+    write_side_by_side_bag,
     write_stereo_bag,
 )
-from replay_outputs import PERIOD_NS, TYPES, detections_of, summary_of
+from replay_outputs import TYPES, detections_of, summary_of
 
-from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.cli.main import main
-from rover_obstacle_detection.messages.header import make_header
-from rover_obstacle_detection.messages.image import encode_image
 
 
 def test_topics_and_calibration_files_can_be_given(tmp_path):
@@ -41,12 +38,7 @@ def test_numbers_calibrate_a_recording_without_camera_info(tmp_path, bag, replay
 
 
 def test_both_views_may_be_side_by_side(tmp_path, replayed, capsys):
-    path = tmp_path / 'wide'
-    with BagWriter(path) as bag:
-        for stamp_ns in (FIRST_STAMP_NS, FIRST_STAMP_NS + PERIOD_NS):
-            header = make_header(stamp_ns, 'camera', bag.factory)
-            message = encode_image(np.hstack(stereo_images()), 'mono8', header, bag.factory)
-            bag.add('/zed/image_rect', 'sensor_msgs/msg/Image', message, stamp_ns)
+    path = write_side_by_side_bag(tmp_path / 'wide', [stereo_images()] * 2)
     arguments = ['replay', str(path), '-o', str(tmp_path / 'out'), '--side-by-side']
     assert main([*arguments, '--left-topic', '/zed/none']) == 1
     assert 'no topic /zed/none' in capsys.readouterr().err

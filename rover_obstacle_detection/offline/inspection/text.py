@@ -123,7 +123,8 @@ def _stream_json(stream: Stream) -> dict[str, Any]:
 
 def _camera_lines(camera: CameraInspection) -> Iterator[str]:
     yield f'stereo camera {camera.topics.namespace or "/"}'
-    for side, stream in (('left', camera.left), ('right', camera.right)):
+    sides = [('left', camera.left), ('right', camera.right)]
+    for side, stream in [('both', camera.left)] if camera.topics.is_side_by_side else sides:
         yield from _row(side, stream.topic)
         yield from _row('', _stream(stream))
     yield from _row('synchronised', _synchronised(camera))
@@ -146,6 +147,8 @@ def _stream(stream: Stream) -> str:
 
 def _synchronised(camera: CameraInspection) -> str:
     found = camera.synchronisation
+    if camera.topics.is_side_by_side:
+        return f'both views in one image, {counted(found.pairs, "pair")}'
     if found.smallest_gap_ms is None:
         return 'nothing to compare'
     gaps = f'stamp gap {found.smallest_gap_ms:.3f} ms, median {found.median_gap_ms:.3f} ms'
