@@ -55,9 +55,9 @@ Writes to DIR, or to DIR/<name of the bag> if there are several bags:
 """
 EPILOG = """\
 examples:
-  rover-obstacles replay traverse.mcap --output traverse_detections --images
-  rover-obstacles replay traverse.mcap -o out --report --images overlay,disparity
-  rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
+  rover-obstacles replay drive.mcap --output drive_detections --images
+  rover-obstacles replay drive.mcap -o out --report --images overlay,disparity
+  rover-obstacles replay drive/ -o out --start 60 --duration 30 --every 5
   rover-obstacles replay images/ -o out --hfov 75 --baseline 0.06
   rover-obstacles replay day1/ day2/ -o out --workers 2 --set max_step=0.15
   rover-obstacles replay bag/ -o out --approximate-sync 0.005 \\
