@@ -217,7 +217,8 @@ def run(arguments: argparse.Namespace) -> int:
     for index, summary in sorted(summaries.items()):
         if summary.interrupted:
             kept = f'{len(summary.frames)} of about {summary.expected} pairs of {summary.bag}'
-            report_interruption(f'{kept} are kept in {jobs[index].output}')
+            verb = 'is' if len(summary.frames) == 1 else 'are'
+            report_interruption(f'{kept} {verb} kept in {jobs[index].output}')
     if stopped():
         return stopped.status
     return 0 if len(summaries) == len(jobs) else 1

@@ -287,10 +287,8 @@ def _judge_detection(state: NodeState) -> tuple[int, str]:
 
 def _failures(recent: Recent) -> str:
     total = recent.judged + recent.failed
-    if recent.failed == total == 1:
-        return f'the last pair could not be judged: {recent.problem}'
     if not recent.judged:
-        return f'none of the last {total} pairs could be judged: {recent.problem}'
+        return f'none of the last {counted(total, "pair")} could be judged: {recent.problem}'
     return f'{recent.failed} of the last {total} pairs could not be judged: {recent.problem}'
 
 

@@ -174,7 +174,7 @@ def test_good_state_is_ok_with_all_values() -> None:
             recent(failed=1, problem='lens covered'),
             'detection',
             ERROR,
-            'the last pair could not be judged: lens covered',
+            'none of the last 1 pair could be judged: lens covered',
         ),
         (recent(judged=3, warnings=('dark', 'blurred')), 'detection', WARN, 'dark; blurred'),
         (faults(input='no pair for 3.0 s'), 'stereo input', ERROR, 'no pair for 3.0 s'),
