@@ -33,8 +33,9 @@ setup(
     install_requires=[
         'lz4>=3',
         'mcap>=1.1',
-        'numpy>=1.26',
-        'opencv-python-headless>=4.8',
+        # What apt has on Debian 12; Ubuntu 24.04, with ROS 2 Jazzy, has NumPy 1.26 and OpenCV 4.6.
+        'numpy>=1.24',
+        'opencv-python-headless>=4.6',
         'rich>=13',
         'rosbags>=0.11.9',
         'ruamel.yaml>=0.18',

@@ -14,7 +14,7 @@ PACKAGE = rover_obstacle_detection.__name__
 ROOT = Path(rover_obstacle_detection.__file__).parent
 # Within a layer, a package may import those before it.
 LAYERS = {
-    'everywhere': ('errors',),
+    'everywhere': ('errors', 'wording'),
     'core': ('detection',),
     'adapters': (
         'pairing',

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+import runpy
 import xml.etree.ElementTree
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import rover_obstacle_detection
+from rover_obstacle_detection.cli.main import PIP_PACKAGES
 
 ROOT = Path(__file__).parents[1]
 NAME = 'rover_obstacle_detection'
@@ -65,6 +68,60 @@ def test_console_scripts_are_installed() -> None:
     for script in scripts:
         if script.name in ours:
             assert callable(script.load())
+
+
+@pytest.fixture(scope='module')
+def requirements() -> dict[str, dict[str, str]]:
+    """Minimum version of each package that setup.py requires, per extra and without one ('')."""
+    given: dict[str, Any] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        patch.setattr('setuptools.setup', lambda **arguments: given.update(arguments))
+        runpy.run_path('setup.py')
+    groups = {'': given['install_requires'], **given['extras_require']}
+    return {
+        extra: dict(re.match(r'([\w.-]+)(?:[>=]=(.*))?', each).groups('') for each in group)
+        for extra, group in groups.items()
+    }
+
+
+def test_lower_bounds_are_the_same_for_pip_rosdep_and_ci(
+    manifest: xml.etree.ElementTree.Element, requirements: dict[str, dict[str, str]]
+) -> None:
+    numpy, opencv = (requirements[''][each] for each in ('numpy', 'opencv-python-headless'))
+    bounds = {each.text: each.get('version_gte') for each in manifest.iter('exec_depend')}
+    assert (bounds['python3-numpy'], bounds['python3-opencv']) == (numpy, opencv)
+    tested = (ROOT / '.ci' / 'run').read_text(encoding='utf-8')
+    assert f"'numpy=={numpy}.0 opencv-python-headless=={opencv}.0.66'" in tested
+    guide = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
+    assert f'NumPy {numpy} to 2, OpenCV {opencv} to 5' in guide
+
+
+def test_what_to_install_beside_apt_is_all_but_numpy_and_opencv(
+    requirements: dict[str, dict[str, str]],
+) -> None:
+    expected = set(requirements['']) - {'numpy', 'opencv-python-headless'}
+    assert set(PIP_PACKAGES) == expected
+    for page in ('README.md', 'docs/node.md'):
+        text = (ROOT / page).read_text(encoding='utf-8')
+        assert f'pip install {" ".join(PIP_PACKAGES)}' in text, page
+
+
+def test_the_table_of_extras_names_their_packages(
+    requirements: dict[str, dict[str, str]],
+) -> None:
+    text = (ROOT / 'docs' / 'getting_started.md').read_text(encoding='utf-8')
+    rows = re.findall(r'^\| `(\w+)` \|.*\| `pip install ([^`]+)`', text, re.MULTILINE)
+    assert {extra for extra, _ in rows} >= {'sim', 'report', 'peers', 'tune'}
+    for extra, packages in rows:
+        assert set(packages.split()) == set(requirements[extra]), extra
+
+
+def test_documents_install_from_the_source_and_not_from_pypi() -> None:
+    pages = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *(ROOT / 'docs').glob('*.md')]
+    modules = (ROOT / NAME).rglob('*.py')
+    for path in (*pages, *modules):
+        assert not re.search(rf"pip install '?{NAME}", path.read_text(encoding='utf-8')), path
 
 
 def test_supported_python_versions_agree() -> None:

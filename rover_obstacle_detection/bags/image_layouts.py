@@ -13,6 +13,7 @@ from pathlib import Path
 
 from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.messages.header import NANOSECONDS_PER_SECOND
+from rover_obstacle_detection.wording import counted
 
 _logger = logging.getLogger(__name__)
 
@@ -95,7 +96,8 @@ def _listed(camera: Path) -> Stamps:
         raise BagError(f'{table}: expected lines of a stamp in ns and a file name') from None
     lacking = [name for name in names if name not in stamps]
     if lacking:
-        raise BagError(f'{table}: has no stamp for {lacking[0]} and {len(lacking) - 1} others')
+        more = f' and {counted(len(lacking) - 1, "other")}' if len(lacking) > 1 else ''
+        raise BagError(f'{table}: has no stamp for {lacking[0]}{more}')
     return stamps
 
 
@@ -127,7 +129,7 @@ def _timed(table: Path, names: list[str]) -> Stamps:
     for name in names:
         number = Path(name).stem
         if not number.isdecimal() or int(number) >= len(times):
-            raise BagError(f'{table}: has {len(times)} times: expected one for {name}')
+            raise BagError(f'{table}: has {counted(len(times), "time")}: expected one for {name}')
         stamps[name] = times[int(number)] + shift
     return stamps
 

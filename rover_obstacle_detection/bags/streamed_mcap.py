@@ -20,6 +20,7 @@ from rover_obstacle_detection.bags.decompression import decompressed_chunk
 from rover_obstacle_detection.bags.message_types import types_from_msg
 from rover_obstacle_detection.bags.source import Entry, choose_typestore
 from rover_obstacle_detection.messages.rosbags_factory import ros2_typestore
+from rover_obstacle_detection.wording import counted
 
 _ROS_ENCODING = 'cdr'
 
@@ -51,7 +52,7 @@ class StreamedMcap:
         if self.failure:
             self.note = (
                 f'{path}: cut short or damaged ({self.failure}); '
-                f'{self._counts.total()} messages can be read'
+                f'{counted(self._counts.total(), "message")} can be read'
             )
 
     def message_count(self, topic: str) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from rover_obstacle_detection.errors import CameraError
+from rover_obstacle_detection.wording import counted
 
 
 def numbers(
@@ -40,7 +41,7 @@ def numbers(
     if not all(map(math.isfinite, found)):
         raise CameraError(f'{key} contains a value that is not a finite number: {value}')
     if accepted is not None and len(found) not in accepted:
-        raise CameraError(f'{key} has {len(found)} numbers: expected {expected}')
+        raise CameraError(f'{key} has {counted(len(found), "number")}: expected {expected}')
     return found
 
 

@@ -25,13 +25,18 @@ def add_command(
     summary: str,
     description: str,
     epilog: str,
+    usage: str | None = None,
 ) -> argparse.ArgumentParser:
-    """Add a subcommand whose help keeps the line breaks of its texts."""
+    """Add a subcommand whose help keeps the line breaks of its texts.
+
+    Without `usage`, argparse lists all options.
+    """
     return subparsers.add_parser(
         name,
         help=summary,
         description=description,
         epilog=epilog,
+        usage=usage,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
 
@@ -90,12 +95,22 @@ def setting(text: str) -> Setting:
 
 def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
     """Add the options for a recording's topics, and ``--every``."""
+    add_topic_arguments(group)
+    add_every_argument(group)
+
+
+def add_topic_arguments(group: argparse._ArgumentGroup) -> None:
+    """Add the options for a recording's topics."""
     for side in ('left', 'right'):
         group.add_argument(
             f'--{side}-topic',
             metavar='TOPIC',
             help=f'{side} image topic (default: found by name)',
         )
+
+
+def add_every_argument(group: argparse._ArgumentGroup) -> None:
+    """Add ``--every``."""
     group.add_argument(
         '--every',
         metavar='N',
@@ -105,15 +120,38 @@ def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
     )
 
 
+def add_side_by_side_argument(group: argparse._ArgumentGroup) -> None:
+    """Add ``--side-by-side`` for a topic whose images show both views."""
+    group.add_argument(
+        '--side-by-side',
+        action='store_true',
+        help='each image of --left-topic shows both views, the left one in its left half',
+    )
+
+
+def check_side_by_side(arguments: argparse.Namespace) -> None:
+    """Check that ``--side-by-side`` comes with the one topic that it is about.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If not.
+    """
+    if arguments.side_by_side and (arguments.right_topic or not arguments.left_topic):
+        raise argparse.ArgumentTypeError(
+            '--side-by-side: expected --left-topic with both views, and no --right-topic'
+        )
+
+
 def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for the detector's configuration and the rover's own pixels."""
     group = parser.add_argument_group('detector')
+    add_parameter_arguments(group)
     group.add_argument(
         '--method',
         choices=METHODS,
         help="hybrid (default), or study: the study's method with its errors corrected",
     )
-    add_parameter_arguments(group)
     group.add_argument(
         '--rover-mask',
         metavar='PNG',
@@ -132,9 +170,6 @@ def add_detector_arguments(parser: argparse.ArgumentParser) -> None:
 def add_parameter_arguments(group: argparse._ArgumentGroup) -> None:
     """Add ``--params`` and ``--set``."""
     group.add_argument(
-        '--params', metavar='YAML', type=Path, help='ROS parameter file, the same as for the node'
-    )
-    group.add_argument(
         '--set',
         metavar='NAME=VALUE',
         type=setting,
@@ -142,6 +177,9 @@ def add_parameter_arguments(group: argparse._ArgumentGroup) -> None:
         default=[],
         dest='settings',
         help='set a parameter, overriding the parameter file; may be repeated',
+    )
+    group.add_argument(
+        '--params', metavar='YAML', type=Path, help='ROS parameter file, the same as for the node'
     )
 
 
@@ -171,9 +209,11 @@ def detector_config(arguments: argparse.Namespace) -> DetectorConfig:
     return config
 
 
-def add_output_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+def add_output_arguments(
+    parser: argparse.ArgumentParser, title: str = 'output'
+) -> argparse._ArgumentGroup:
     """Add ``--output`` and ``--force`` for an output folder; return their group."""
-    group = parser.add_argument_group('output')
+    group = parser.add_argument_group(title)
     group.add_argument(
         '-o', '--output', metavar='DIR', type=Path, required=True, help='folder for the results'
     )

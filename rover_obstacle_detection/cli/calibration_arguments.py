@@ -23,8 +23,10 @@ def add_calibration_arguments(parser: argparse.ArgumentParser, default: str = ''
     """
     group = parser.add_argument_group(
         'calibration',
-        f'Files, numbers or both{default}. Numbers are those of the rectified camera; the images '
-        'give its size. A number replaces the value of the files.',
+        # The help keeps the line breaks of this text.
+        f'Files, numbers or both{default}. Numbers are those of the\n'
+        'rectified camera; the images give its size. A number replaces the value of the\n'
+        'files.',
     )
     group.add_argument(
         '--calibration',

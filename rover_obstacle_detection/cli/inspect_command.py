@@ -7,7 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rover_obstacle_detection.cli.arguments import add_command
+from rover_obstacle_detection.cli.arguments import (
+    add_command,
+    add_side_by_side_argument,
+    check_side_by_side,
+)
 from rover_obstacle_detection.cli.calibration_arguments import (
     add_calibration_arguments,
     calibration_request,
@@ -30,6 +34,7 @@ examples:
   rover-obstacles inspect day1/ day2/ --json
   rover-obstacles inspect raw.mcap --write-calibration corrected/
   rover-obstacles inspect bag/ --left-topic /port/image_raw --right-topic /starboard/image_raw
+  rover-obstacles inspect bag/ --left-topic /zed/image_rect --side-by-side --fx 665 --baseline 0.12
 """
 
 
@@ -51,6 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
             metavar='TOPIC',
             help=f'{side} image topic (default: every stereo camera found by name)',
         )
+    add_side_by_side_argument(group)
     add_calibration_arguments(parser, ' (default: from the bag)')
     output = parser.add_argument_group('output')
     output.add_argument('--json', action='store_true', help='print a JSON list')
@@ -77,8 +83,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError(
             f'--write-calibration is given with {len(arguments.bags)} bags: expected one'
         )
+    check_side_by_side(arguments)
     options = InspectionOptions(
-        arguments.left_topic, arguments.right_topic, calibration_request(arguments)
+        arguments.left_topic,
+        arguments.right_topic,
+        calibration_request(arguments),
+        side_by_side=arguments.side_by_side,
     )
     content = []
     for path in arguments.bags:

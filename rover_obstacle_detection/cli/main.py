@@ -28,6 +28,8 @@ COMMAND_MODULES = (
     'rover_obstacle_detection.cli.simulate_command',
     'rover_obstacle_detection.cli.tune_command',
 )
+# What the offline commands import and apt's ROS 2 does not bring.
+PIP_PACKAGES = ('lz4', 'mcap', 'rich', 'rosbags', 'ruamel.yaml')
 FAILED = 1
 INTERRUPTED = 130
 TERMINATED = 143
@@ -94,6 +96,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if lack := lack_of_memory(error):
             report_error(f'out of memory: {lack}')
+        elif lack := missing_package(error):
+            report_error(f'{lack} is not installed: pip install {" ".join(PIP_PACKAGES)}')
         elif isinstance(error, OSError):
             report_error(str(error))
         else:
@@ -112,6 +116,13 @@ def _run(argv: Sequence[str] | None) -> int:
     except argparse.ArgumentTypeError as error:
         # Arguments that are valid one by one but not together.
         parser.error(str(error))
+
+
+def missing_package(error: BaseException) -> str:
+    """Return which of the packages from pip is missing, if that is the error; otherwise ''."""
+    module = error.name or '' if isinstance(error, ModuleNotFoundError) else ''
+    found = (each for each in PIP_PACKAGES if each.partition('.')[0] == module.partition('.')[0])
+    return next(found, '')
 
 
 def lack_of_memory(error: BaseException) -> str:

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING
 from rover_obstacle_detection.cli.arguments import (
     add_command,
     add_detector_arguments,
+    add_every_argument,
     add_output_arguments,
-    add_recording_arguments,
+    add_side_by_side_argument,
+    add_topic_arguments,
+    check_side_by_side,
     detector_config,
     non_negative_number,
     positive_int,
@@ -34,29 +37,34 @@ if TYPE_CHECKING:
     from rover_obstacle_detection.offline.replay_jobs import ReplayJob
     from rover_obstacle_detection.offline.replay_options import ReplayOptions
 
+USAGE = 'rover-obstacles replay BAG [BAG ...] -o DIR [options]'
 DESCRIPTION = """\
-Detect obstacles in recorded bags, rosbag2 (mcap or sqlite3) or rosbag1, and in folders of images.
+Detect obstacles in recorded bags, rosbag2 (mcap or sqlite3) or rosbag1, and in
+folders of images.
 
 Writes to DIR, or to DIR/<name of the bag> if there are several bags:
-  detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points, ground_points,
-                 obstacle_grid, obstacle_markers and detection_image/compressed in the camera's
-                 namespace, and /diagnostics, with the stamps and frames of the left images
-  summary.json   counts, parameters, versions, and the figures and times of each frame
+  detections     rosbag2 bag (mcap) with obstacle_mask, obstacle_points,
+                 ground_points, obstacle_grid, obstacle_markers and
+                 detection_image/compressed in the camera's namespace, and
+                 /diagnostics, with the stamps and frames of the left images
+  summary.json   counts, parameters, versions, figures and times of each frame
   obstacles.csv  one row per frame and obstacle
-  report.html    with --report: one page, without external files, that shows the whole replay
-  images         with --images: overlay, disparity, regions, seed regions, roughness and step,
-                 and obstacle map of each frame, or those named
-  overlays.mp4   with --video: the overlays of all frames
+  images         with --images
+  report.html    with --report
+  overlays.mp4   with --video
 """
 EPILOG = """\
 examples:
-  rover-obstacles replay traverse.mcap --output traverse_detections --images
-  rover-obstacles replay traverse.mcap -o out --report --video --images overlay,disparity
-  rover-obstacles replay traverse/ -o out --start 60 --duration 30 --every 5
-  rover-obstacles replay bag/ -o out --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
-      --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
+  rover-obstacles replay drive.mcap --output drive_detections --images
+  rover-obstacles replay drive.mcap -o out --report --images overlay,disparity
+  rover-obstacles replay drive/ -o out --start 60 --duration 30 --every 5
   rover-obstacles replay images/ -o out --hfov 75 --baseline 0.06
-  rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
+  rover-obstacles replay day1/ day2/ -o out --workers 2 --set max_step=0.15
+  rover-obstacles replay bag/ -o out --approximate-sync 0.005 \\
+      --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
+      --left-info left.yaml --right-info right.yaml
+
+rover-obstacles inspect says of a bag which of these options it needs.
 """
 
 
@@ -69,7 +77,7 @@ PICTURES = ('overlay', 'disparity', 'regions', 'seeds', 'roughness_step', 'obsta
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
     summary = 'detect obstacles in recorded bags'
-    parser = add_command(subparsers, 'replay', summary, DESCRIPTION, EPILOG)
+    parser = add_command(subparsers, 'replay', summary, DESCRIPTION, EPILOG, USAGE)
     parser.add_argument(
         'bags',
         nargs='+',
@@ -78,57 +86,32 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help='rosbag2 folder or file (.mcap, .db3), rosbag1 file (.bag), or folder of images: '
         'EuRoC, KITTI, or left/ and right/',
     )
-    _add_input_arguments(parser)
-    add_calibration_arguments(parser, ' (default: from the bag)')
+    _add_common_arguments(parser)
     add_detector_arguments(parser)
-    output = add_output_arguments(parser)
-    output.add_argument(
+    _add_image_arguments(parser)
+    add_calibration_arguments(parser, ' (default: from the bag)')
+    parser.set_defaults(run=run)
+
+
+def _add_common_arguments(parser: argparse.ArgumentParser) -> None:
+    group = add_output_arguments(parser, 'common options')
+    group.add_argument(
         '--images',
         nargs='?',
         metavar='NAMES',
         type=_picture_names,
         const=PICTURES,
         default=(),
-        help=f'write pictures of every frame: all, or those named: {",".join(PICTURES)}',
+        help=f'write pictures of every frame: all, or some of {", ".join(PICTURES)}, with commas '
+        'and no spaces',
     )
-    output.add_argument('--video', action='store_true', help='write the overlays as a video')
-    output.add_argument(
+    group.add_argument(
         '--report',
         action='store_true',
-        help='write a page with a timeline, pictures and the worst frames (needs the extra '
-        '"report")',
+        help='write one page with a timeline, pictures and the worst frames, without external '
+        'files (needs the extra "report")',
     )
-    output.add_argument(
-        '--workers',
-        metavar='N',
-        type=positive_int,
-        default=1,
-        help='number of bags to process in parallel (default: 1)',
-    )
-    parser.set_defaults(run=run)
-
-
-def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group('input')
-    add_recording_arguments(group)
-    group.add_argument(
-        '--side-by-side',
-        action='store_true',
-        help='each image of --left-topic shows both views, the left one in its left half',
-    )
-    group.add_argument(
-        '--rectify',
-        choices=RECTIFY,
-        default=RECTIFY[0],
-        help='which images are raw and are rectified with the calibration: by_name (default) '
-        'those of topics without rect in the name',
-    )
-    group.add_argument(
-        '--approximate-sync',
-        metavar='SECONDS',
-        type=positive_number,
-        help='largest stamp difference of a pair (default: stamps must be equal)',
-    )
+    group.add_argument('--video', action='store_true', help='write the overlays as a video')
     group.add_argument(
         '--start',
         metavar='SECONDS',
@@ -141,6 +124,33 @@ def _add_input_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='SECONDS',
         type=positive_number,
         help='seconds to replay (default: to the end)',
+    )
+    add_every_argument(group)
+    group.add_argument(
+        '--workers',
+        metavar='N',
+        type=positive_int,
+        default=1,
+        help='number of bags to process in parallel (default: 1)',
+    )
+
+
+def _add_image_arguments(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group('images of the bag')
+    add_topic_arguments(group)
+    add_side_by_side_argument(group)
+    group.add_argument(
+        '--approximate-sync',
+        metavar='SECONDS',
+        type=positive_number,
+        help='largest stamp difference of a pair (default: stamps must be equal)',
+    )
+    group.add_argument(
+        '--rectify',
+        choices=RECTIFY,
+        default=RECTIFY[0],
+        help='which images are raw and are rectified with the calibration: by_name (default) '
+        'those of topics without rect in the name',
     )
     group.add_argument(
         '--salvage',
@@ -207,7 +217,8 @@ def run(arguments: argparse.Namespace) -> int:
     for index, summary in sorted(summaries.items()):
         if summary.interrupted:
             kept = f'{len(summary.frames)} of about {summary.expected} pairs of {summary.bag}'
-            report_interruption(f'{kept} are kept in {jobs[index].output}')
+            verb = 'is' if len(summary.frames) == 1 else 'are'
+            report_interruption(f'{kept} {verb} kept in {jobs[index].output}')
     if stopped():
         return stopped.status
     return 0 if len(summaries) == len(jobs) else 1
@@ -224,10 +235,7 @@ def _options(arguments: argparse.Namespace) -> ReplayOptions:
     from rover_obstacle_detection.offline.replay_options import ReplayOptions
     from rover_obstacle_detection.rover_mask import RoverMask
 
-    if arguments.side_by_side and (arguments.right_topic or not arguments.left_topic):
-        raise argparse.ArgumentTypeError(
-            '--side-by-side: expected --left-topic with both views, and no --right-topic'
-        )
+    check_side_by_side(arguments)
     tolerance_s = arguments.approximate_sync
     return ReplayOptions(
         config=detector_config(arguments),

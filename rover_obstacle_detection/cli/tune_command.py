@@ -23,6 +23,7 @@ from rover_obstacle_detection.cli.calibration_arguments import (
 from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.evaluation.weights import Weights
+from rover_obstacle_detection.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -324,7 +325,8 @@ def _print_result(result: TuningResult, options: TuneOptions) -> None:
             'from a search without it.'
         )
     if tuning.ended != ALL_TRIALS:
-        print(f'{tuning.ended} after {len(tuning.trials)} trials: keeping the best of them')
+        trials = counted(len(tuning.trials), 'trial')
+        print(f'{tuning.ended} after {trials}: keeping the best of them')
     conclusion = report.conclusion(result, options.weights)
     if report.verdict(result, options.weights) == report.WORSE:
         LOGGER.warning(conclusion)

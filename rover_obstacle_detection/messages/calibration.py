@@ -9,6 +9,7 @@ from typing import Any
 
 from rover_obstacle_detection.detection.geometry.camera import RegionOfInterest, StereoCamera
 from rover_obstacle_detection.errors import CameraError
+from rover_obstacle_detection.wording import counted
 from rover_obstacle_detection.yaml_file import read_yaml
 
 _PINHOLE = 'pinhole'
@@ -169,6 +170,6 @@ def _numbers(
         msg = f'{path}: {key} contains a value that is not a number: {data}'
         raise CameraError(msg) from None
     if count is not None and len(numbers) != count:
-        msg = f'{path}: {key} has {len(numbers)} numbers: expected {count}'
+        msg = f'{path}: {key} has {counted(len(numbers), "number")}: expected {count}'
         raise CameraError(msg)
     return numbers

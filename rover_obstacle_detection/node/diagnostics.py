@@ -12,6 +12,7 @@ from rover_obstacle_detection.node.load import WINDOW_S, Load
 from rover_obstacle_detection.node.statistics import Recent, Snapshot
 from rover_obstacle_detection.node.watchdog import NO_FAULTS, Faults, WatchdogLimits
 from rover_obstacle_detection.pairing import SAME_MOMENT_NS, PairingStatistics
+from rover_obstacle_detection.wording import counted
 
 OK, WARN, ERROR, STALE = range(4)
 # With a smaller share of matched pixels, most of the ground is unknown.
@@ -115,8 +116,8 @@ def figures_of_late(state: NodeState) -> str:
         f'{load.ended / load.seconds:.1f} judged/s',
         f'latency {_optional(load.latency_p95_s, 1000, 0)} ms (95th percentile)',
         f'obstacles on {_optional(share, 100, 1)} % of the latest image',
-        f'{load.dropped} pairs dropped',
-        f'{load.lost} images lost',
+        f'{counted(load.dropped, "pair")} dropped',
+        f'{counted(load.lost, "image")} lost',
     ]
     return ', '.join(figures)
 
@@ -287,7 +288,7 @@ def _judge_detection(state: NodeState) -> tuple[int, str]:
 def _failures(recent: Recent) -> str:
     total = recent.judged + recent.failed
     if not recent.judged:
-        return f'none of the last {total} pairs could be judged: {recent.problem}'
+        return f'none of the last {counted(total, "pair")} could be judged: {recent.problem}'
     return f'{recent.failed} of the last {total} pairs could not be judged: {recent.problem}'
 
 

@@ -12,6 +12,7 @@ from rover_obstacle_detection.bags.reader import BadMessage, BagReader, open_bag
 from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.node.process import StopSignals, ros
 from rover_obstacle_detection.node.timeline import Timeline
+from rover_obstacle_detection.wording import counted
 
 DEPTH = 10
 # Discovery is complete when no subscriber has appeared for this long.
@@ -130,14 +131,14 @@ class Player:
         if not self._wait_for_subscribers():
             return
         seconds = max(self._end_ns - self._start_ns, 0) / 1e9
+        topics = counted(len(self._publishers), 'topic')
         print(
-            f'playing {self._bag.path}: {len(self._publishers)} topics, {seconds:.1f} s '
-            f'at rate {self._options.rate:g}'
+            f'playing {self._bag.path}: {topics}, {seconds:.1f} s at rate {self._options.rate:g}'
         )
         while self._play_round() and self._options.loop:
             pass
         self._finish()
-        line = f'{self._published} messages published'
+        line = f'{counted(self._published, "message")} published'
         print(f'{line}, {self._bad} skipped that cannot be decoded' if self._bad else line)
 
     def close(self) -> None:

@@ -36,6 +36,7 @@ from rover_obstacle_detection.report.page import (
     render_page,
 )
 from rover_obstacle_detection.report.plots import Line, bar_plot, distribution_plot, line_plot
+from rover_obstacle_detection.wording import counted
 
 SVG = 'image/svg+xml'
 LISTED_FAULTS = 5
@@ -234,7 +235,7 @@ def summary_lines(picture: Picture) -> list[str]:
     if figures.obstacle_pixels:
         iou = 'no IoU' if figures.iou is None else f'IoU {figures.iou:.2f}'
         lost = '' if frame.losses is None else _losses(frame.losses)
-        found = f'{figures.obstacles_found} of {figures.obstacles} obstacles found'
+        found = f'{figures.obstacles_found} of {counted(figures.obstacles, "obstacle")} found'
         first = f'{iou}{lost}, {found}'
     else:
         first = f'no obstacles, {figures.false_positives} px flagged'

@@ -10,6 +10,7 @@ import numpy as np
 
 from rover_obstacle_detection.errors import OutputError
 from rover_obstacle_detection.pictures import Picture
+from rover_obstacle_detection.wording import counted
 
 CODEC = 'mp4v'
 SLOWEST_HZ, FASTEST_HZ = 1.0, 60.0
@@ -64,8 +65,8 @@ class OverlayVideo:
         written.release()
         if count != self._pictures:
             raise OutputError(
-                f'{self._path.name} has {count} pictures: expected {self._pictures}; is the disk '
-                'full?'
+                f'{self._path.name} has {counted(count, "picture")}: expected {self._pictures}; '
+                'is the disk full?'
             )
 
 

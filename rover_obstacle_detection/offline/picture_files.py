@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection import pictures
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.pictures import Colour, Picture
+from rover_obstacle_detection.wording import counted
 
 PICTURE_NAMES = ('overlay', *pictures.PICTURES)
 JPEG_QUALITY = 85
@@ -132,7 +133,9 @@ def _disparity_key(detection: Detection) -> Sequence[KeyItem]:
 
 def _regions_key(detection: Detection) -> Sequence[KeyItem]:
     count = len(np.unique(detection.regions))
-    return (f'{count} mean-shift regions, one colour each, mean brightness of the image',)
+    return (
+        f'{counted(count, "mean-shift region")}, one colour each, mean brightness of the image',
+    )
 
 
 def _seeds_key(detection: Detection) -> Sequence[KeyItem]:

@@ -37,6 +37,7 @@ from rover_obstacle_detection.offline.summary import (
 )
 from rover_obstacle_detection.pairing import PairingStatistics, shows_one_moment
 from rover_obstacle_detection.swapped_images import detect_unswapped
+from rover_obstacle_detection.wording import counted
 
 _logger = logging.getLogger(__name__)
 
@@ -236,8 +237,8 @@ def _nothing_usable(
     bad_frames: Sequence[BadFrame],
 ) -> str:
     counts = (
-        f'{statistics.left} left images ({topics.left_image}), '
-        f'{statistics.right} right ({topics.right_image}), {statistics.pairs} pairs'
+        f'{counted(statistics.left, "left image")} ({topics.left_image}), '
+        f'{statistics.right} right ({topics.right_image}), {counted(statistics.pairs, "pair")}'
     )
     if bad_frames:
         first = bad_frames[0]

@@ -22,6 +22,7 @@ from rover_obstacle_detection.report.page import (
 )
 from rover_obstacle_detection.report.plots import Panel, timeline_plot
 from rover_obstacle_detection.warning_kinds import count_warnings
+from rover_obstacle_detection.wording import counted
 
 TEMPLATE = 'replay.html.j2'
 LISTED_BAD_FRAMES = 50
@@ -94,8 +95,9 @@ def _lead(summary: ReplaySummary) -> Iterator[str]:
     warned = sum(bool(frame.warnings) for frame in summary.frames)
     obstacles = [frame.summary.obstacles for frame in summary.frames]
     yield (
-        f'{_count(len(obstacles), "frame")} judged, {_count(len(summary.bad_frames), "bad frame")}'
-        f' skipped, {_count(warned, "frame")} with warnings. Obstacles per frame: '
+        f'{counted(len(obstacles), "frame")} judged, '
+        f'{counted(len(summary.bad_frames), "bad frame")} skipped, '
+        f'{counted(warned, "frame")} with warnings. Obstacles per frame: '
         f'{sum(obstacles) / len(obstacles):.1f} ({min(obstacles)} to {max(obstacles)}). '
         f'Detection: {summary.detection_time.median_ms:.0f} ms (median).'
     )
@@ -108,7 +110,7 @@ def _lead(summary: ReplaySummary) -> Iterator[str]:
 
 def _embedded(shown: int, frames: int) -> str:
     if shown == frames:
-        return f'All {frames} frames. Arrow keys move the slider.'
+        return f'All {frames} frames. Arrow keys move the slider.' if frames > 1 else 'One frame.'
     return (
         f'{shown} of {frames} frames are embedded: evenly chosen ones, and the worst. Arrow keys '
         'move the slider. The option --images writes the pictures of all frames.'
@@ -176,10 +178,9 @@ def _bad_frames(summary: ReplaySummary) -> Iterator[TextBlock | TableBlock]:
     if not bad:
         yield TextBlock('None.')
         return
-    yield TextBlock(
-        f'{_count(len(bad), "message or pair", "messages or pairs")} skipped; '
-        f'{summary.unjudgeable} of them complete pairs that the detector cannot judge.'
-    )
+    skipped = counted(len(bad), 'message or pair', 'messages or pairs')
+    complete = counted(summary.unjudgeable, 'complete pair')
+    yield TextBlock(f'{skipped} skipped; among them {complete} that the detector cannot judge.')
     kinds = count_warnings((each.stamp_ns, (each.reason,)) for each in bad)
     yield TableBlock(
         'Reasons',
@@ -270,7 +271,3 @@ def _moment(stamp_ns: int) -> str:
 
 def _number(value: float) -> str:
     return f'{value:.2f}' if math.isfinite(value) else '-'
-
-
-def _count(number: int, noun: str, plural: str = '') -> str:
-    return f'{number} {noun if number == 1 else plural or noun + "s"}'

@@ -16,6 +16,7 @@ from rich.text import Text
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.offline.stopwatch import StageTime
 from rover_obstacle_detection.offline.summary import ReplaySummary
+from rover_obstacle_detection.wording import counted
 
 # Both fit a terminal of 80 columns.
 _RECORDINGS_PER_TABLE = 3
@@ -45,7 +46,7 @@ def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
 def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
     """Tabulate obstacles from near to far."""
     # Headers on two lines and no outer frame: fits a terminal of 80 columns.
-    table = Table(title=f'{len(obstacles)} obstacles', title_justify='left', show_edge=False)
+    table = Table(title=counted(len(obstacles), 'obstacle'), title_justify='left', show_edge=False)
     for name in (
         '#',
         'kind',
@@ -153,10 +154,10 @@ def _remarks(summary: ReplaySummary) -> Iterable[Text]:
         yield Text(f'bad frame at {bad.stamp_ns / 1e9:.3f} s: {bad.reason}')
     more = len(summary.bad_frames) - _LISTED_BAD_FRAMES
     if more > 0:
-        yield Text(f'and {more} more bad frames: see summary.json')
+        yield Text(f'and {counted(more, "more bad frame")}: see summary.json')
     for each in summary.warnings:
         yield Text(
-            f'warning in {each.frames} of {len(summary.frames)} frames, first at '
+            f'warning in {each.frames} of {counted(len(summary.frames), "frame")}, first at '
             f'{each.first_stamp_ns / 1e9:.3f} s: {each.text}'
         )
 

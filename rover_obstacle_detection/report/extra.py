@@ -7,6 +7,8 @@ from typing import Any
 
 from rover_obstacle_detection.errors import MissingExtraError
 
+_LIBRARIES = ('jinja2', 'matplotlib')
+
 
 def report_library(module: str) -> Any:
     """Import a module that reports need.
@@ -21,7 +23,7 @@ def report_library(module: str) -> Any:
     except ImportError as error:
         raise MissingExtraError(
             f'reports need {module.partition(".")[0]}, which is not installed: '
-            "pip install 'rover_obstacle_detection[report]'"
+            f'pip install {" ".join(_LIBRARIES)}'
         ) from error
 
 
@@ -33,5 +35,5 @@ def require_report_libraries() -> None:
     MissingExtraError
         If one is missing.
     """
-    for module in ('jinja2', 'matplotlib'):
+    for module in _LIBRARIES:
         report_library(module)

@@ -54,7 +54,7 @@ def load_mitsuba() -> Any:
     try:
         mitsuba = importlib.import_module('mitsuba')
     except ImportError as error:
-        msg = "simulate needs Mitsuba: pip install 'rover_obstacle_detection[sim]'"
+        msg = 'simulate needs Mitsuba: pip install mitsuba'
         raise MissingExtraError(msg) from error
     try:
         mitsuba.set_variant('llvm_ad_rgb')

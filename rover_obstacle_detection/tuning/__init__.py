@@ -9,7 +9,7 @@ try:
     import optuna
 except ImportError as error:
     raise MissingExtraError(
-        "tuning needs optuna, which is not installed: pip install 'rover_obstacle_detection[tune]'"
+        'tuning needs optuna, which is not installed: pip install optuna'
     ) from error
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)

@@ -18,6 +18,7 @@ from rover_obstacle_detection.offline.summary import preamble
 from rover_obstacle_detection.parameter_file import dump_config
 from rover_obstacle_detection.tuning.space import range_text
 from rover_obstacle_detection.tuning.tune import Comparison, TuneOptions, Tuning, TuningResult
+from rover_obstacle_detection.wording import counted
 
 BETTER = 'better'
 WORSE = 'worse'
@@ -106,7 +107,7 @@ def parameter_file(result: TuningResult, options: TuneOptions) -> str:
     tuning = result.tuning
     paragraphs = [
         f'rover_obstacle_detection {__version__}: parameters tuned by rover-obstacles tune, '
-        f'{len(tuning.trials)} trials, seed {options.seed}.',
+        f'{counted(len(tuning.trials), "trial")}, seed {options.seed}.',
         f'Tuned: {", ".join(options.ranges)}.',
         f'Tuned on: {", ".join(tuning.scenes)}.',
     ]

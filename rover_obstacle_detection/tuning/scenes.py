@@ -28,6 +28,7 @@ from rover_obstacle_detection.offline.evaluate import (
     scene_names,
 )
 from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
+from rover_obstacle_detection.wording import counted
 
 MEGABYTE = 1_000_000
 
@@ -116,9 +117,9 @@ def _read_scene(
             needed_bytes = count * _frame_bytes(frames[0])
             if needed_bytes > max_bytes:
                 msg = (
-                    f'{path}: its {count} frames need {needed_bytes / MEGABYTE:.0f} MB, but '
-                    f'{max_bytes / MEGABYTE:.0f} MB are free: read fewer with --every N, or '
-                    'allow more with --memory MB'
+                    f'{path}: {counted(count, "frame")} would take '
+                    f'{needed_bytes / MEGABYTE:.0f} MB, but {max_bytes / MEGABYTE:.0f} MB are '
+                    'free: read fewer with --every N, or allow more with --memory MB'
                 )
                 raise ConfigurationError(msg)
             on_progress(len(frames), count)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import bag_name
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.wording import counted
 
 HELD_OUT_SHARE = 0.3
 TUNE_PREFIXES = ('tune_', 'tuning_')
@@ -90,7 +91,7 @@ def folds_of(bags: Sequence[Path], count: int, seed: int = 0) -> tuple[tuple[Pat
     """
     _refuse_duplicates(bags)
     if len(bags) < count:
-        msg = f'{len(bags)} bags cannot be divided into {count} folds'
+        msg = f'{counted(len(bags), "bag")} cannot be divided into {count} folds'
         raise ConfigurationError(msg)
     order = shuffled(bags, seed)
     return tuple(tuple(order[number::count]) for number in range(count))

@@ -55,7 +55,7 @@ def load_motorcycle() -> StereoWithTruth:
     except ImportError as error:
         msg = (
             'the Middlebury pair needs scikit-image, which is not installed: '
-            "pip install 'rover_obstacle_detection[data]'"
+            'pip install scikit-image'
         )
         raise MissingExtraError(msg) from error
     left, right, raw = data.stereo_motorcycle()

@@ -224,11 +224,11 @@ def test_images_have_a_wire_format(tmp_path):
     ('file', 'text', 'words'),
     [
         ('euroc/mav0/cam0/data.csv', 'x,y.png\n', 'data.csv: expected lines of a stamp in ns'),
-        ('euroc/mav0/cam0/data.csv', '5,y.png\n', f'no stamp for {START_NS}.png and 1 others'),
-        ('euroc/mav0/cam1/sensor.yaml', 'T_BS: 3\n', 'sensor.yaml: right: T_BS has 1 numbers'),
-        ('kitti/times.txt', '0.5\n', 'times.txt: has 1 times: expected one for 000001.png'),
+        ('euroc/mav0/cam0/data.csv', '5,y.png\n', f'no stamp for {START_NS}.png and 1 other'),
+        ('euroc/mav0/cam1/sensor.yaml', 'T_BS: 3\n', 'sensor.yaml: right: T_BS has 1 number:'),
+        ('kitti/times.txt', '0.5\n', 'times.txt: has 1 time: expected one for 000001.png'),
         ('kitti/times.txt', 'noon\n', "times.txt: 'noon': expected seconds or a date and time"),
-        ('kitti/calib.txt', 'P0: 3\n', 'calib.txt: P0 has 1 numbers: expected 12'),
+        ('kitti/calib.txt', 'P0: 3\n', 'calib.txt: P0 has 1 number: expected 12'),
     ],
 )
 def test_a_damaged_file_is_named(tmp_path, file, text, words):

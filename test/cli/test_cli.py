@@ -1,5 +1,7 @@
+import argparse
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -10,6 +12,7 @@ import pytest
 
 from rover_obstacle_detection import __version__
 from rover_obstacle_detection.cli import main as cli
+from rover_obstacle_detection.cli import replay_command
 from rover_obstacle_detection.errors import BagError
 
 COMMAND = (sys.executable, '-m', 'rover_obstacle_detection')
@@ -35,6 +38,46 @@ def test_every_command_has_help_with_an_example(command, capsys):
     overview, _, own_help = capsys.readouterr().out.partition(f'usage: rover-obstacles {command}')
     assert f'    {command} ' in overview
     assert f'  rover-obstacles {command} ' in own_help.partition('example')[2]
+
+
+def _help_of_replay(monkeypatch, capsys):
+    monkeypatch.setenv('COLUMNS', '80')
+    with pytest.raises(SystemExit, match='0'):
+        cli.main(['replay', '--help'])
+    return capsys.readouterr().out
+
+
+def test_help_of_replay_has_the_common_options_first(monkeypatch, capsys):
+    text = _help_of_replay(monkeypatch, capsys)
+    assert max(map(len, text.splitlines())) <= 80
+    titles = re.findall(r'^([a-z][a-z ]+):$', text, re.MULTILINE)
+    assert titles == [
+        'positional arguments',
+        'options',
+        'common options',
+        'detector',
+        'images of the bag',
+        'calibration',
+        'examples',
+    ]
+    common = text.partition('\ncommon options:\n')[2].partition('\n\n')[0]
+    assert set(re.findall(r'--[a-z]+', common)) >= {
+        '--output', '--force', '--images', '--report', '--video', '--start', '--duration',
+        '--every', '--workers',
+    }  # fmt: skip
+
+
+def test_help_of_replay_documents_every_option_once(monkeypatch, capsys):
+    text = _help_of_replay(monkeypatch, capsys)
+    listed = re.findall(r'^  (?:-\w(?: [A-Z]+)?, )?(--[a-z-]+)', text, re.MULTILINE)
+    parser = argparse.ArgumentParser()
+    replay_command.add_parser(parser.add_subparsers())
+    (commands,) = (each for each in parser._actions if each.choices)
+    actions = commands.choices['replay']._actions
+    known = [each.option_strings[-1] for each in actions if each.option_strings]
+    assert sorted(listed) == sorted(known)
+    assert len(listed) > 25
+    assert all(each.help for each in actions)
 
 
 def test_help_imports_nothing_slow():
@@ -223,6 +266,35 @@ def test_an_interrupt_exits_with_130(monkeypatch, capsys):
     _command_that(_raise(KeyboardInterrupt()), monkeypatch)
     assert cli.main(['act']) == 130
     assert 'interrupted' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('module', 'package'), [('rosbags', 'rosbags'), ('ruamel.yaml', 'ruamel.yaml')]
+)
+def test_a_missing_package_is_one_line_with_the_remedy(module, package, tmp_path, monkeypatch):
+    # As beside apt's ROS 2, where nothing was installed with pip.
+    code = (
+        'import sys\n'
+        f'sys.modules[{module!r}] = None\n'
+        'from rover_obstacle_detection.cli.main import main\n'
+        "sys.exit(main(['inspect', 'bag']))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr == (
+        f'rover-obstacles: error: {package} is not installed: '
+        'pip install lz4 mcap rich rosbags ruamel.yaml\n'
+    )
+
+
+def test_another_missing_module_keeps_its_traceback(monkeypatch):
+    _command_that(
+        _raise(ModuleNotFoundError("No module named 'nothing'", name='nothing')), monkeypatch
+    )
+    with pytest.raises(ModuleNotFoundError):
+        cli.main(['act'])
 
 
 def test_an_unknown_error_keeps_its_traceback(monkeypatch):

@@ -92,7 +92,7 @@ def test_a_missing_library_of_a_method_is_an_error(
     assert evaluate(bag, '--method', 'patchwork') == 1
     error = capsys.readouterr().err
     assert error.count('\n') == 1
-    assert "pip install 'rover_obstacle_detection[peers]'" in error
+    assert 'pip install pypatchworkpp' in error
 
 
 def test_a_missing_library_of_the_report_is_an_error_in_advance(
@@ -105,7 +105,7 @@ def test_a_missing_library_of_the_report_is_an_error_in_advance(
     assert evaluate(bag, '--report', tmp_path / 'report.html') == 1
     shown = capsys.readouterr()
     assert shown.out == ''
-    assert 'rover_obstacle_detection[report]' in shown.err
+    assert 'pip install jinja2 matplotlib' in shown.err
 
 
 def test_existing_files_need_force(

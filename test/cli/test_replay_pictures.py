@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import cv2
 import numpy as np
 import pytest
-from hand_made import CAMERA, stereo_images, write_stereo_bag
+from hand_made import CAMERA, stereo_images
 
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.cli.replay_command import PICTURES
@@ -14,11 +14,6 @@ from rover_obstacle_detection.errors import OutputError
 from rover_obstacle_detection.offline.overlay_video import OverlayVideo
 from rover_obstacle_detection.offline.picture_files import PICTURE_NAMES
 from rover_obstacle_detection.pictures import overlay_picture
-
-
-@pytest.fixture(scope='module')
-def bag(tmp_path_factory):
-    return write_stereo_bag(tmp_path_factory.mktemp('recorded') / 'drive', pairs=3)
 
 
 def test_pictures_can_be_chosen(bag, tmp_path):

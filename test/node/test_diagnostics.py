@@ -170,6 +170,12 @@ def test_good_state_is_ok_with_all_values() -> None:
             ERROR,
             'none of the last 3 pairs could be judged: lens covered',
         ),
+        (
+            recent(failed=1, problem='lens covered'),
+            'detection',
+            ERROR,
+            'none of the last 1 pair could be judged: lens covered',
+        ),
         (recent(judged=3, warnings=('dark', 'blurred')), 'detection', WARN, 'dark; blurred'),
         (faults(input='no pair for 3.0 s'), 'stereo input', ERROR, 'no pair for 3.0 s'),
         (
@@ -264,6 +270,10 @@ def test_figures_of_the_last_seconds_are_one_line() -> None:
     assert figures_of_late(dataclasses.replace(GOOD, **busy)) == (
         '9.8 pairs/s, 4.1 judged/s, latency 422 ms (95th percentile), obstacles on 5.1 % of the '
         'latest image, 57 pairs dropped, 3 images lost'
+    )
+    single = busy | load(seconds=10.0, pairs=98, dropped=1, lost=1)
+    assert figures_of_late(dataclasses.replace(GOOD, **single)).endswith(
+        ', 1 pair dropped, 1 image lost'
     )
     assert figures_of_late(dataclasses.replace(GOOD, **load())) == ''
     assert figures_of_late(dataclasses.replace(GOOD, **busy, subscribed=False)) == ''

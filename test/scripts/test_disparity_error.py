@@ -93,5 +93,5 @@ def test_middlebury_pair_agrees_with_its_disparity() -> None:
 
 def test_missing_scikit_image_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'skimage.data', None)
-    with pytest.raises(MissingExtraError, match=r"scikit-image.*detection\[data\]'"):
+    with pytest.raises(MissingExtraError, match=r'scikit-image.*pip install scikit-image'):
         load_motorcycle()

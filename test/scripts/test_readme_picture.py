@@ -56,7 +56,35 @@ def test_command_line_writes_the_same_picture_each_time(script, monkeypatch, tmp
     written = []
     for name in ('one.png', 'two.png'):
         monkeypatch.setattr(sys, 'argv', ['make_readme_picture.py', str(tmp_path / name)])
-        script.main()
+        assert script.main() == 0
         written.append((tmp_path / name).read_bytes())
     assert written[0] == written[1]
     assert sorted(path.name for path in tmp_path.iterdir()) == ['one.png', 'two.png']
+
+
+def test_the_shipped_picture_is_up_to_date(script, monkeypatch, tmp_path, capsys):
+    shipped = str(ROOT / 'docs' / 'images' / 'overlay.png')
+    arguments = ['make_readme_picture.py', str(tmp_path / 'new.png'), '--compare', shipped]
+    monkeypatch.setattr(sys, 'argv', arguments)
+    assert script.main() == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize('change', ['smaller', 'another rock', 'a rock less'])
+def test_a_picture_with_other_obstacles_is_out_of_date(
+    script, monkeypatch, tmp_path, capsys, change
+):
+    drawn, stale = tmp_path / 'drawn.png', tmp_path / 'stale.png'
+    detection = script.draw(script.BAG, drawn)
+    picture = cv2.imread(str(drawn))
+    if change == 'smaller':
+        picture = picture[:-1]
+    elif change == 'another rock':
+        cv2.circle(picture, (250, 150), 22, RED, cv2.FILLED)
+    else:
+        picture[: detection.mask.shape[0], : picture.shape[1] // 5] = 128
+    cv2.imwrite(str(stale), picture)
+
+    arguments = ['make_readme_picture.py', str(tmp_path / 'new.png'), '--compare', str(stale)]
+    monkeypatch.setattr(sys, 'argv', arguments)
+    assert script.main() == 1
+    assert f'{stale} is out of date: it agrees in ' in capsys.readouterr().err

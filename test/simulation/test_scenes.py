@@ -235,5 +235,5 @@ def test_missing_mitsuba_names_the_install_command(monkeypatch):
 
     monkeypatch.setenv('DRJIT_LIBLLVM_PATH', 'libLLVM.so')
     monkeypatch.setattr(renderer.importlib, 'import_module', refuse)
-    with pytest.raises(MissingExtraError, match=r"pip install 'rover_obstacle_detection\[sim\]'"):
+    with pytest.raises(MissingExtraError, match='pip install mitsuba'):
         renderer.load_mitsuba()

@@ -140,6 +140,19 @@ def write_stereo_bag(
     return path
 
 
+def write_side_by_side_bag(path: Path, images, *, topic='/zed/image_rect', change_image=None):
+    """Write a recording of one topic whose images show both views, without a calibration."""
+    with BagWriter(path) as bag:
+        for index, pair in enumerate(images):
+            stamp_ns = FIRST_STAMP_NS + index * 100_000_000
+            header = make_header(stamp_ns, 'camera', bag.factory)
+            message = encode_image(np.hstack(pair), 'mono8', header, bag.factory)
+            if change_image:
+                change_image(index, message)
+            bag.add(topic, 'sensor_msgs/msg/Image', message, stamp_ns)
+    return path
+
+
 def write_calibration(folder: Path, camera=CAMERA):
     """Write the calibration files of both cameras and return their paths."""
     for side in ('left', 'right'):

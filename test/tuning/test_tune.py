@@ -272,7 +272,7 @@ def test_memory_limit_is_checked_before_reading_on(tmp_path: Path) -> None:
     path = write_labelled(tmp_path / 'noon', frames=4)
     frame_bytes = 5 * SHAPE[0] * SHAPE[1]
     read = []
-    with pytest.raises(ConfigurationError, match=r'its 4 frames need .* --every N'):
+    with pytest.raises(ConfigurationError, match=r'4 frames would take .* --every N'):
         read_scenes([path], BAG, 3 * frame_bytes, lambda *update: read.append(update))
     assert not read
     fewer = read_scenes([path], BagOptions(every=2), 3 * frame_bytes, ignored)

@@ -103,10 +103,7 @@ def _library(method: str, module: str, package: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        msg = (
-            f'method {method} needs {package}, which is not installed: '
-            "pip install 'rover_obstacle_detection[peers]'"
-        )
+        msg = f'method {method} needs {package}, which is not installed: pip install {package}'
         raise MissingExtraError(msg) from error
 
 

@@ -18,6 +18,7 @@ from rover_obstacle_detection.messages.rectification import StereoRectification
 from rover_obstacle_detection.offline.inspection.inspection import BagInspection, CameraInspection
 from rover_obstacle_detection.offline.inspection.pairs import as_grey, measure_rows, sample_images
 from rover_obstacle_detection.offline.output_file import atomic_write_text, check_output_file
+from rover_obstacle_detection.wording import counted
 
 MOST_PAIRS = 30
 _MIN_PAIRS = 3
@@ -182,8 +183,8 @@ def _checked_spread_px(
     """Return how far most pairs stay within the median; refuse what no calibration explains."""
     if len(measured) < _MIN_PAIRS:
         raise CameraError(
-            f'{path}: the rows can be measured in {len(measured)} pairs: expected at '
-            f'least {_MIN_PAIRS}'
+            f'{path}: the rows can be measured in {counted(len(measured), "pair")}: '
+            f'expected at least {_MIN_PAIRS}'
         )
     median = _median(measured)
     off_px = [

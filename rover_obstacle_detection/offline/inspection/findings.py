@@ -9,6 +9,7 @@ import numpy as np
 from rover_obstacle_detection.offline.inspection.calibration import Calibration
 from rover_obstacle_detection.offline.inspection.sample import Sample
 from rover_obstacle_detection.offline.inspection.streams import Stream, Synchronisation
+from rover_obstacle_detection.wording import counted
 
 # Mean of a pair's images beyond which their contrast or brightness is doubtful.
 _MAX_GREY_RATIO = 1.3
@@ -28,7 +29,7 @@ def what_is_missing(
     """List all that keeps a camera from being replayed."""
     missing = [
         f'{stream.topic} has no usable image{_first(stream.bad)}'
-        for stream in (left, right)
+        for stream in _streams(left, right)
         if not stream.images
     ]
     if not missing and not synchronisation.pairs:
@@ -41,14 +42,8 @@ def what_is_missing(
         missing.append(calibration.problem)
     if sample.bad and not sample.pairs:
         missing.append(f'no pair can be used: {sample.bad[0]}')
-    half = len(sample.geometry) / 2
-    if sum(each.swapped for each in sample.geometry) > half:
+    if sum(each.swapped for each in sample.geometry) > len(sample.geometry) / 2:
         missing.append('left and right images are swapped: exchange the topics')
-    if sum(each.upside_down for each in sample.geometry) > half:
-        missing.append(
-            'the ground is at the top of the images: if the camera is mounted upside down, replay '
-            'with --set upside_down=true'
-        )
     if sample.unjudgeable and not missing:
         missing.append(f'no sampled pair can be judged: {sample.unjudgeable[0]}')
     return missing
@@ -63,33 +58,48 @@ def what_is_doubtful(
 ) -> list[str]:
     """List all that makes the result doubtful."""
     warnings = []
-    for stream in (left, right):
+    for stream in _streams(left, right):
         if stream.images and stream.bad:
             warnings.append(f'{stream.topic}: bad messages: {len(stream.bad)}{_first(stream.bad)}')
         if stream.repeats:
             warnings.append(
-                f'{stream.topic}: {stream.repeats} of {stream.images} images repeat the one '
-                'before, byte for byte: the camera or its driver was frozen'
+                f'{stream.topic}: {stream.repeats} of {counted(stream.images, "image")} '
+                f'repeat{"s" if stream.repeats == 1 else ""} the one before, byte for byte: the '
+                'camera or its driver was frozen'
             )
         if len(stream.sizes) > 1:
             warnings.append(f'{stream.topic} changes size: {", ".join(sorted(stream.sizes))}')
     lone = max(left.images, right.images) - synchronisation.pairs
     if lone and synchronisation.pairs:
-        warnings.append(f'{lone} image{"s have" if lone > 1 else " has"} no partner')
+        warnings.append(f'{counted(lone, "image has", "images have")} no partner')
     changes = sum(each.changes for each in (calibration.left, calibration.right) if each)
     if changes:
-        warnings.append(f'the calibration changes {changes} times: the first one is shown')
+        warnings.append(
+            f'the calibration changes {counted(changes, "time")}: the first one is shown'
+        )
     if sample.bad and sample.pairs:
-        warnings.append(f'{len(sample.bad)} sampled pairs cannot be used{_first(sample.bad)}')
+        warnings.append(
+            f'{counted(len(sample.bad), "sampled pair")} cannot be used{_first(sample.bad)}'
+        )
     if synchronisation.pairs:
         warnings += _doubtful_geometry(calibration, sample)
     return [*warnings, *_doubtful_images(sample)]
+
+
+def _streams(left: Stream, right: Stream) -> tuple[Stream, ...]:
+    """Return both streams, or the one with both views."""
+    return (left,) if left is right else (left, right)
 
 
 def _doubtful_geometry(calibration: Calibration, sample: Sample) -> list[str]:
     if calibration.camera and sample.pairs and not sample.geometry and not sample.bad:
         return ['too few matches to measure the rectification']
     warnings = []
+    if sample.is_upside_down:
+        warnings.append(
+            'the ground is at the top of the images: the camera is taken for one that is mounted '
+            'upside down; if it is upright, check that both images come from the same moment'
+        )
     usable = [each for each in sample.geometry if not each.swapped]
     for name, values in (
         ('the right image is off by rows', [each.rows_off_px for each in usable]),

@@ -44,11 +44,14 @@ class InspectionOptions:
         Image topics; every stereo camera that is found by name if both are omitted.
     calibration : CalibrationRequest
         From the bag if nothing is given.
+    side_by_side : bool
+        The images of `left_topic` show both views side by side.
     """
 
     left_topic: str | None = None
     right_topic: str | None = None
     calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
+    side_by_side: bool = False
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,10 @@ def _topics(
 ) -> tuple[list[StereoTopics], tuple[str, ...]]:
     left, right = options.left_topic, options.right_topic
     if left or right:
-        return [bag.stereo_topics(left_image=left, right_image=right)], ()
+        found = bag.stereo_topics(
+            left_image=left, right_image=right, side_by_side=options.side_by_side
+        )
+        return [found], ()
     cameras = stereo_cameras(bag.topics)
     if cameras:
         return cameras, ()
@@ -193,7 +199,9 @@ def _inspect_camera(
         of_one_moment=bool(pairs),
     )
     arguments = []
-    if options.left_topic or options.right_topic or not is_only:
+    if topics.is_side_by_side:
+        arguments += ['--side-by-side', '--left-topic', topics.left_image]
+    elif options.left_topic or options.right_topic or not is_only:
         arguments += ['--left-topic', topics.left_image, '--right-topic', topics.right_image]
     if options.calibration.is_given:
         arguments += options.calibration.arguments()
@@ -201,6 +209,8 @@ def _inspect_camera(
         arguments += ['--left-info', 'LEFT.yaml', '--right-info', 'RIGHT.yaml']
     if synchronisation.approximate_sync_s:
         arguments += ['--approximate-sync', f'{synchronisation.approximate_sync_s:g}']
+    if sample.is_upside_down:
+        arguments += ['--set', 'upside_down=true']
     return CameraInspection(
         topics,
         left,

@@ -25,7 +25,7 @@ from rover_obstacle_detection.detection.rectification.row_alignment import RowAl
 from rover_obstacle_detection.detection.stereo.coarse import coarse_camera
 from rover_obstacle_detection.detection.stereo.pair_check import row_offset
 from rover_obstacle_detection.messages.header import stamp_ns
-from rover_obstacle_detection.messages.image import decode_any_image
+from rover_obstacle_detection.messages.image import decode_any_image, halves
 from rover_obstacle_detection.pairing import Pair
 from rover_obstacle_detection.swapped_images import are_swapped
 
@@ -109,12 +109,20 @@ def sample_images(
             continue
         index, side = place
         waiting.setdefault(index, {})[side] = message
-        if len(waiting[index]) == 2:
-            both = waiting.pop(index)
-            try:
-                yield decode_any_image(both[0], sides[0]), decode_any_image(both[1], sides[1])
-            except Exception as error:
-                yield error
+        if topics.is_side_by_side or len(waiting[index]) == 2:
+            yield _decoded(waiting.pop(index), topics)
+
+
+def _decoded(messages: dict[int, Any], topics: StereoTopics) -> Images | Exception:
+    """Decode the images of both sides, or the one image with both views."""
+    left, right = topics.left_image, topics.right_image
+    try:
+        if topics.is_side_by_side:
+            (both,) = messages.values()
+            return halves(decode_any_image(both, left), left)
+        return decode_any_image(messages[0], left), decode_any_image(messages[1], right)
+    except Exception as error:
+        return error
 
 
 def as_grey(left: NDArray[Any], right: NDArray[Any]) -> GreyPair:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from rover_obstacle_detection.bags.reader import BagReader
 from rover_obstacle_detection.bags.topics import StereoTopics
+from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
@@ -45,6 +46,11 @@ class Sample:
     images: tuple[tuple[ImageMeasures, ImageMeasures], ...]
     geometry: tuple[GeometryMeasures, ...]
     unjudgeable: tuple[str, ...] = ()
+
+    @property
+    def is_upside_down(self) -> bool:
+        """Whether the camera is mounted upside down, by most pairs."""
+        return sum(each.upside_down for each in self.geometry) > len(self.geometry) / 2
 
 
 def take_sample(
@@ -86,13 +92,14 @@ def take_sample(
             usable += 1
             if not of_one_moment:
                 continue
-            if not judged:
-                reason = _refusal(grey, calibration.camera)
-                judged = not reason
-                unjudgeable.append(reason)
             measured = measure_geometry(grey, calibration.camera)
             if measured is not None:
                 geometry.append(measured)
+            if not judged:
+                upside_down = measured is not None and measured.upside_down
+                reason = _refusal(grey, calibration.camera, upside_down=upside_down)
+                judged = not reason
+                unjudgeable.append(reason)
         except Exception as error:
             bad.append(failure_text(error))
     return Sample(
@@ -104,10 +111,10 @@ def take_sample(
     )
 
 
-def _refusal(pair: GreyPair, camera: StereoCamera) -> str:
+def _refusal(pair: GreyPair, camera: StereoCamera, *, upside_down: bool) -> str:
     """Why the detector cannot judge a pair; empty if it can."""
     try:
-        Detector(camera).detect(*pair)
+        Detector(camera, DetectorConfig(upside_down=upside_down)).detect(*pair)
     except ObstacleDetectionError as error:
         return failure_text(error)
     return ''

@@ -20,6 +20,7 @@ from rover_obstacle_detection.offline.inspection.inspection import (
 )
 from rover_obstacle_detection.offline.inspection.sample import Sample
 from rover_obstacle_detection.offline.inspection.streams import Stream
+from rover_obstacle_detection.wording import counted
 
 _COLUMNS = 80
 _LABEL = 16
@@ -122,7 +123,8 @@ def _stream_json(stream: Stream) -> dict[str, Any]:
 
 def _camera_lines(camera: CameraInspection) -> Iterator[str]:
     yield f'stereo camera {camera.topics.namespace or "/"}'
-    for side, stream in (('left', camera.left), ('right', camera.right)):
+    sides = [('left', camera.left), ('right', camera.right)]
+    for side, stream in [('both', camera.left)] if camera.topics.is_side_by_side else sides:
         yield from _row(side, stream.topic)
         yield from _row('', _stream(stream))
     yield from _row('synchronised', _synchronised(camera))
@@ -140,19 +142,21 @@ def _stream(stream: Stream) -> str:
         '/'.join(sorted(stream.sizes)),
     ]
     rate = f', {stream.rate_hz:.1f} Hz' if stream.rate_hz else ''
-    return f'{" ".join(filter(None, parts))}, {_count(stream.images, "image")}{rate}'
+    return f'{" ".join(filter(None, parts))}, {counted(stream.images, "image")}{rate}'
 
 
 def _synchronised(camera: CameraInspection) -> str:
     found = camera.synchronisation
+    if camera.topics.is_side_by_side:
+        return f'both views in one image, {counted(found.pairs, "pair")}'
     if found.smallest_gap_ms is None:
         return 'nothing to compare'
     gaps = f'stamp gap {found.smallest_gap_ms:.3f} ms, median {found.median_gap_ms:.3f} ms'
     if found.approximate_sync_s:
         needed = f'with --approximate-sync {found.approximate_sync_s:g}'
-        return f'{needed}: {_count(found.pairs, "pair")}; smallest {gaps}'
+        return f'{needed}: {counted(found.pairs, "pair")}; smallest {gaps}'
     if found.pairs:
-        return f'equal stamps, {_count(found.pairs, "pair")}'
+        return f'equal stamps, {counted(found.pairs, "pair")}'
     return f'no: smallest {gaps}'
 
 
@@ -186,12 +190,8 @@ def _rectified(camera: CameraInspection) -> str:
         return f'{text}; not measured'
     return (
         f'{text}; rows off {_spread([each.rows_off_px for each in usable])}, lenses bend '
-        f'{_spread([each.lens_bend_px for each in usable])} in {_count(len(usable), "pair")}'
+        f'{_spread([each.lens_bend_px for each in usable])} in {counted(len(usable), "pair")}'
     )
-
-
-def _count(number: int, thing: str) -> str:
-    return f'{number} {thing}' + ('' if number == 1 else 's')
 
 
 def _spread(values: Sequence[float]) -> str:
