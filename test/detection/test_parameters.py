@@ -58,6 +58,7 @@ DIRECT = {
     'camera_pitch': {'gravity_source': 'parameters', 'camera_pitch': 40.0},
     'camera_roll': {'gravity_source': 'parameters', 'camera_pitch': 46.0, 'camera_roll': 5.0},
     'equalize_histogram': {'equalize_histogram': True},
+    'upside_down': {'upside_down': True, 'gravity_source': 'parameters', 'camera_pitch': 46.0},
 }
 DESCRIPTIONS = {each.name: each for each in DetectorConfig.parameters()}
 STAGES = [each.name for each in fields(DetectorParameters) if each.name != 'config']
