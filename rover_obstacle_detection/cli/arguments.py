@@ -171,6 +171,17 @@ def detector_config(arguments: argparse.Namespace) -> DetectorConfig:
     return config
 
 
+def add_scheduler_argument(group: argparse._ArgumentGroup) -> None:
+    """Add ``--scheduler``."""
+    group.add_argument(
+        '--scheduler',
+        metavar='ADDRESS',
+        default='',
+        help='address of a running Dask scheduler, such as tcp://rack1:8786, whose workers '
+        'process the bags; they must find the same paths (needs the extra "cluster")',
+    )
+
+
 def add_output_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     """Add ``--output`` and ``--force`` for an output folder; return their group."""
     group = parser.add_argument_group('output')

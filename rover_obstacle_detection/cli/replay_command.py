@@ -13,6 +13,7 @@ from rover_obstacle_detection.cli.arguments import (
     add_detector_arguments,
     add_output_arguments,
     add_recording_arguments,
+    add_scheduler_argument,
     detector_config,
     non_negative_number,
     positive_int,
@@ -25,6 +26,7 @@ from rover_obstacle_detection.cli.calibration_arguments import (
 from rover_obstacle_detection.cli.console import (
     progress_bars,
     report_error,
+    report_failures,
     report_interruption,
 )
 from rover_obstacle_detection.cli.interruption import Interruption
@@ -57,6 +59,7 @@ examples:
       --left-info left.yaml --right-info right.yaml --approximate-sync 0.005
   rover-obstacles replay images/ -o out --hfov 75 --baseline 0.06
   rover-obstacles replay day1/ day2/ day3/ -o out --workers 3 --set max_step=0.15
+  rover-obstacles replay /data/day*/ -o /data/out --scheduler tcp://rack1:8786
 """
 
 
@@ -103,8 +106,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar='N',
         type=positive_int,
         default=1,
-        help='number of bags to process in parallel (default: 1)',
+        help='number of bags to process in parallel on this computer (default: 1)',
     )
+    add_scheduler_argument(output)
     parser.set_defaults(run=run)
 
 
@@ -172,6 +176,8 @@ def run(arguments: argparse.Namespace) -> int:
     from rover_obstacle_detection.offline.summary import ReplaySummary
     from rover_obstacle_detection.offline.summary_table import replay_table
 
+    if arguments.scheduler and arguments.workers > 1:
+        raise argparse.ArgumentTypeError('--scheduler: expected no --workers')
     if arguments.report:
         from rover_obstacle_detection.report.extra import require_report_libraries
 
@@ -184,13 +190,16 @@ def run(arguments: argparse.Namespace) -> int:
     check_output_folder(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
     summaries: dict[int, ReplaySummary] = {}
+    failed = 0
     stopped = Interruption()
     with (
         stopped,
         folder_if_filled(jobs[0].output.resolve().parent),
         progress_bars(_names(jobs), 'pairs') as on_progress,
     ):
-        results = replay_jobs(jobs, options, arguments.workers, on_progress, stopped)
+        results = replay_jobs(
+            jobs, options, arguments.workers, on_progress, stopped, arguments.scheduler
+        )
         with contextlib.closing(results):
             for index, result in results:
                 if isinstance(result, ReplaySummary):
@@ -198,7 +207,9 @@ def run(arguments: argparse.Namespace) -> int:
                 elif isinstance(result, NothingDoneError):
                     report_interruption(str(result))
                 else:
+                    failed += 1
                     report_error(str(result))
+    report_failures(failed, len(jobs))
     if summaries:
         console = Console(highlight=False)
         console.print(replay_table([summaries[index] for index in sorted(summaries)]))
