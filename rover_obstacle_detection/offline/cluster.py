@@ -113,6 +113,7 @@ class _Run(Generic[Result]):
         self._waiting = deque(range(len(works)))
         self._futures: dict[int, Any] = {}
         self._begun: dict[int, Begun] = {}
+        self._has_workers = True
         self._told: set[str] = set()
 
     def results(self, stopped: Callable[[], bool]) -> Iterator[Ended[Result]]:
@@ -126,11 +127,13 @@ class _Run(Generic[Result]):
                 self._submit()
                 done = [index for index, future in self._futures.items() if future.done()]
                 self._take_messages()
-                ended = [(index, self._result(index)) for index in done]
+                for index in done:
+                    result = self._result(index)
+                    del self._futures[index]
+                    yield index, result
             except _UNREACHABLE as error:
                 yield from self._all_lost(failure_text(error))
                 return
-            yield from ended
             if self._client.status != 'running':
                 yield from self._all_lost('the connection is closed')
                 return
@@ -150,8 +153,9 @@ class _Run(Generic[Result]):
         If it had all, a bag could pay for the deaths of a worker that had not begun it.
         """
         places = sum(self._client.nthreads().values())
-        if not places:
-            self._tell(f'the cluster {self._address} has no workers: waiting for one')
+        if not places and self._has_workers:
+            _logger.warning('the cluster %s has no workers: waiting for one', self._address)
+        self._has_workers = places > 0
         while self._waiting and len(self._futures) < places:
             index = self._waiting.popleft()
             self._futures[index] = self._client.submit(
@@ -211,17 +215,13 @@ class _Run(Generic[Result]):
             for name, version in cluster_versions().items()
             if begun.versions.get(name) != version
         ]
-        if differences:
-            self._tell(f'the host {begun.host} has {", ".join(differences)}: results may differ')
-
-    def _tell(self, text: str) -> None:
-        """Log a warning once."""
-        if text not in self._told:
+        text = f'the host {begun.host} has {", ".join(differences)}: results may differ'
+        if differences and text not in self._told:
             self._told.add(text)
             _logger.warning('%s', text)
 
     def _result(self, index: int) -> Result | ObstacleDetectionError:
-        future, name = self._futures.pop(index), self._works[index].name
+        future, name = self._futures[index], self._works[index].name
         if future.status == 'finished':
             result: Result | ObstacleDetectionError = future.result()
             return result

@@ -23,6 +23,7 @@ from rover_obstacle_detection.errors import (
     ObstacleDetectionError,
     OutputError,
 )
+from rover_obstacle_detection.offline.output_folder import folder_if_filled
 from rover_obstacle_detection.offline.replay import (
     Stopped,
     never_stopped,
@@ -151,7 +152,11 @@ def _on_cluster(
         paths = (there.bag, there.output.parent, *calibration.files)
         run = functools.partial(_replay_on_worker, there, options)
         works.append(BagWork(str(job.bag), paths, run))
-    yield from run_on_cluster(scheduler, works, on_progress, stopped)
+    with contextlib.ExitStack() as folders:
+        # A worker that does not find them has no share in this file system.
+        for parent in {job.output.resolve().parent for job in jobs}:
+            folders.enter_context(folder_if_filled(parent))
+        yield from run_on_cluster(scheduler, works, on_progress, stopped)
 
 
 def _replay_on_worker(

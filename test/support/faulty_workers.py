@@ -1,4 +1,8 @@
-"""Workers of a Dask cluster that wait or die in the middle of a bag, by the bag's name."""
+"""Workers of a Dask cluster that wait or die at a bag, as its name says.
+
+`HELD`: waits after its second pair, until it is released. `DEADLY`: its worker dies after the
+first pair, always. `WRITTEN`: the first worker dies when it has written the results.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from distributed import Event, Variable, WorkerPlugin
 
 from rover_obstacle_detection.offline import replay_jobs
 
-HELD, DEADLY, OTHER_VERSION, FINISHED = 'held', 'deadly', 'other_version', 'finished'
+HELD, DEADLY, WRITTEN = 'held', 'deadly', 'written'
 WAIT_S = 120
 
 
@@ -32,16 +36,26 @@ class _Faulty:
             on_progress(done, expected)
             if path.name.startswith(HELD) and done == 2:
                 Variable(f'held {path}').set(os.getpid())
-                Event(f'go {path}').wait(WAIT_S)
+                assert Event(f'go {path}').wait(WAIT_S)
             if path.name.startswith(DEADLY):
                 die()
 
         summary = self._replay_bag(path, output, options, then, stopped)
-        if path.name.startswith(FINISHED) and not Event(f'died {path}').is_set():
-            Event(f'died {path}').set()
+        has_died = Event(f'died {path}')
+        if path.name.startswith(WRITTEN) and not has_died.is_set():
+            has_died.set()
             die()
         return summary
 
 
 def die():
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def process_that_holds(bag, client):
+    """Wait until a worker has come to the second pair of a bag; return its process."""
+    return Variable(f'held {bag}', client).get(WAIT_S)
+
+
+def release(bag, client):
+    Event(f'go {bag}', client).set()
