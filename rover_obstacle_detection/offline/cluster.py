@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import pkgutil
 import time
 import uuid
 import warnings
@@ -67,7 +68,7 @@ def run_on_cluster(
     Raises
     ------
     ClusterError
-        If the scheduler cannot be reached.
+        If the scheduler cannot be reached, or a worker cannot import this package.
     """
     with _connected(address) as client:
         run = _Run(client, address, works, on_progress)
@@ -114,6 +115,7 @@ class _Run(Generic[Result]):
         self._futures: dict[int, Any] = {}
         self._begun: dict[int, Begun] = {}
         self._has_workers = True
+        self._checked: set[str] = set()
         self._told: set[str] = set()
 
     def results(self, stopped: Callable[[], bool]) -> Iterator[Ended[Result]]:
@@ -152,7 +154,9 @@ class _Run(Generic[Result]):
 
         If it had all, a bag could pay for the deaths of a worker that had not begun it.
         """
-        places = sum(self._client.nthreads().values())
+        threads = self._client.nthreads()
+        self._check_imports(set(threads) - self._checked)
+        places = sum(threads.values())
         if not places and self._has_workers:
             _logger.warning('the cluster %s has no workers: waiting for one', self._address)
         self._has_workers = places > 0
@@ -166,6 +170,25 @@ class _Run(Generic[Result]):
                 key=f'{self._name}-{index}',
                 pure=False,
             )
+
+    def _check_imports(self, addresses: set[str]) -> None:
+        """Look for workers without this package: a bag that they get would end them."""
+        if not addresses:
+            return
+        self._checked |= addresses
+        found = self._client.run(
+            # Of the standard library, so that every worker has it.
+            pkgutil.resolve_name,
+            f'{work_on.__module__}:__name__',
+            workers=list(addresses),
+            on_error='return',
+        )
+        for address, result in found.items():
+            if isinstance(result, ImportError):
+                text = f'the worker {address} cannot work: {_failure_text(result)}'
+                if not self._futures:
+                    raise ClusterError(text)
+                _logger.warning('%s', text)
 
     def _stop(self) -> Iterator[Ended[Result]]:
         self._channel.stop.set()

@@ -267,3 +267,13 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch):
     with pytest.raises(ClusterError, match=r'cannot reach the scheduler foo://1: '):
         next(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler='foo://1'))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_worker_without_this_package_is_named(client, address, tmp_path, monkeypatch):
+    class Elsewhere:
+        __module__ = 'rover_obstacle_detection.not_there'
+
+    monkeypatch.setattr(module, 'work_on', Elsewhere)
+    jobs = plan_jobs([tmp_path / 'bag'], tmp_path / 'out')
+    with pytest.raises(ClusterError, match=r"the worker tcp://127.* named 'rover_.*not_there'"):
+        next(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address))
