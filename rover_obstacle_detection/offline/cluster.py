@@ -130,6 +130,10 @@ class _Run(Generic[Result]):
                 done = [index for index, future in self._futures.items() if future.done()]
                 self._take_messages()
                 for index in done:
+                    if self._has_died_with_another(index):
+                        del self._futures[index]
+                        self._waiting.appendleft(index)
+                        continue
                     result = self._result(index)
                     del self._futures[index]
                     yield index, result
@@ -167,7 +171,7 @@ class _Run(Generic[Result]):
                 self._name,
                 index,
                 self._works[index],
-                key=f'{self._name}-{index}',
+                key=f'{self._name}-{index}-{uuid.uuid4().hex}',
                 pure=False,
             )
 
@@ -242,6 +246,15 @@ class _Run(Generic[Result]):
         if differences and text not in self._told:
             self._told.add(text)
             _logger.warning('%s', text)
+
+    def _has_died_with_another(self, index: int) -> bool:
+        """Whether the scheduler gave a bag up for a worker that had not begun it."""
+        future, begun = self._futures[index], self._begun.get(index)
+        if future.status != 'error' or not isinstance(
+            error := future.exception(), distributed.KilledWorker
+        ):
+            return False
+        return begun is None or begun.address != error.last_worker.address
 
     def _result(self, index: int) -> Result | ObstacleDetectionError:
         future, name = self._futures[index], self._works[index].name
