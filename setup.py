@@ -48,6 +48,7 @@ setup(
         ],
         'sim': ['mitsuba>=3.6'],
         'report': ['jinja2>=3', 'matplotlib>=3.6'],
+        'cluster': ['distributed>=2024.1'],
         'data': ['scikit-image>=0.22'],
         'fuzz': ['atheris>=3'],
         'peers': ['cloth-simulation-filter>=1.1.5', 'pypatchworkpp>=1.0'],

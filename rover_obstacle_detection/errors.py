@@ -35,6 +35,10 @@ class MissingExtraError(ObstacleDetectionError):
     """An optional dependency that is not installed."""
 
 
+class ClusterError(ObstacleDetectionError):
+    """A Dask cluster that cannot be reached or fails at its work."""
+
+
 class ModelError(ObstacleDetectionError):
     """A trained model that does not fit this version of the package."""
 

@@ -54,6 +54,10 @@ class CalibrationRequest:
         options = ', '.join(_OPTIONS[name] for name in lacking)
         return f'the calibration lacks {" and ".join(lacking)}: expected {options}, or {_FILES}'
 
+    def absolute(self) -> CalibrationRequest:
+        """Return the same request for a process with another working directory."""
+        return replace(self, files=tuple(file.absolute() for file in self.files))
+
     def arguments(self) -> list[str]:
         """Return the options of the command line that give it."""
         is_both = self.are_parts or len(self.files) == 1

@@ -209,6 +209,17 @@ def detector_config(arguments: argparse.Namespace) -> DetectorConfig:
     return config
 
 
+def add_scheduler_argument(group: argparse._ArgumentGroup) -> None:
+    """Add ``--scheduler``."""
+    group.add_argument(
+        '--scheduler',
+        metavar='ADDRESS',
+        default='',
+        help='address of a running Dask scheduler, such as tcp://rack1:8786, whose workers '
+        'process the bags; they must find the same paths (needs the extra "cluster")',
+    )
+
+
 def add_output_arguments(
     parser: argparse.ArgumentParser, title: str = 'output'
 ) -> argparse._ArgumentGroup:

@@ -27,6 +27,12 @@ def report_interruption(message: str) -> None:
     print(f'rover-obstacles: interrupted: {" ".join(message.split())}', file=sys.stderr)
 
 
+def report_failures(failed: int, bags: int) -> None:
+    """Print how many of several bags have failed."""
+    if failed and bags > 1:
+        report_error(f'{failed} of {bags} bags failed')
+
+
 @contextlib.contextmanager
 def warnings_on_stderr() -> Iterator[None]:
     """Print the warnings of the package's loggers on stderr, one line each."""

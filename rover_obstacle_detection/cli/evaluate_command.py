@@ -11,6 +11,7 @@ from rover_obstacle_detection.cli.arguments import (
     add_command,
     add_parameter_arguments,
     add_recording_arguments,
+    add_scheduler_argument,
     detector_config,
     positive_int,
 )
@@ -18,7 +19,15 @@ from rover_obstacle_detection.cli.calibration_arguments import (
     add_calibration_arguments,
     calibration_request,
 )
-from rover_obstacle_detection.cli.console import print_table, progress_bars, report_error
+from rover_obstacle_detection.cli.console import (
+    print_table,
+    progress_bars,
+    report_error,
+    report_failures,
+    report_interruption,
+)
+from rover_obstacle_detection.cli.interruption import Interruption
+from rover_obstacle_detection.errors import NothingDoneError, ObstacleDetectionError
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
 
 if TYPE_CHECKING:
@@ -41,6 +50,7 @@ examples:
   rover-obstacles evaluate bags/mars_yard
   rover-obstacles evaluate suite/report_* --method all --report report.html --json figures.json
   rover-obstacles evaluate bag/ --method hybrid --method study --set max_step=0.15
+  rover-obstacles evaluate /data/suite/* --scheduler tcp://rack1:8786 --report report.html
 """
 ALL = 'all'
 METHOD_LINES = ''.join(f'  {name:11} {text}\n' for name, text in METHOD_DESCRIPTIONS.items())
@@ -111,6 +121,7 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
         help='runs of each method on each frame, for the median time; slow methods run fewer '
         'times (default: 3)',
     )
+    add_scheduler_argument(group)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -128,12 +139,17 @@ def run(arguments: argparse.Namespace) -> int:
         curve=arguments.report is not None,
         worst_pictures=WORST_PICTURES if arguments.report else 0,
     )
-    with progress_bars([bag.name for bag in arguments.bags], 'frames') as on_progress:
+    names = [bag.name for bag in arguments.bags]
+    with Interruption() as stopped, progress_bars(names, 'frames') as on_progress:
         evaluation, errors = evaluate_bags(
-            arguments.bags, options, _bag_options(arguments), on_progress
+            arguments.bags,
+            options,
+            _bag_options(arguments),
+            on_progress,
+            stopped,
+            arguments.scheduler,
         )
-    for line in (*evaluation.problems, *errors):
-        report_error(line)
+    _report_problems(evaluation, errors, len(names))
     if evaluation.scenes:
         _print_tables(evaluation)
     if evaluation.scenes and arguments.json:
@@ -146,7 +162,19 @@ def run(arguments: argparse.Namespace) -> int:
 
         atomic_write_text(arguments.report, evaluation_html(evaluation, config))
         print(f'report: {arguments.report}')
-    return 1 if errors else 0
+    return stopped.status or (1 if errors else 0)
+
+
+def _report_problems(
+    evaluation: Evaluation, errors: Sequence[ObstacleDetectionError], bags: int
+) -> None:
+    for line in evaluation.problems:
+        report_error(line)
+    failures = [error for error in errors if not isinstance(error, NothingDoneError)]
+    for error in errors:
+        report = report_error if error in failures else report_interruption
+        report(str(error))
+    report_failures(len(failures), bags)
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:

@@ -13,6 +13,7 @@ from rover_obstacle_detection.cli.arguments import (
     add_detector_arguments,
     add_every_argument,
     add_output_arguments,
+    add_scheduler_argument,
     add_side_by_side_argument,
     add_topic_arguments,
     check_side_by_side,
@@ -28,6 +29,7 @@ from rover_obstacle_detection.cli.calibration_arguments import (
 from rover_obstacle_detection.cli.console import (
     progress_bars,
     report_error,
+    report_failures,
     report_interruption,
 )
 from rover_obstacle_detection.cli.interruption import Interruption
@@ -60,6 +62,7 @@ examples:
   rover-obstacles replay drive/ -o out --start 60 --duration 30 --every 5
   rover-obstacles replay images/ -o out --hfov 75 --baseline 0.06
   rover-obstacles replay day1/ day2/ -o out --workers 2 --set max_step=0.15
+  rover-obstacles replay /data/day*/ -o /data/out --scheduler tcp://rack1:8786
   rover-obstacles replay bag/ -o out --approximate-sync 0.005 \\
       --left-topic /cam0/image_raw --right-topic /cam1/image_raw \\
       --left-info left.yaml --right-info right.yaml
@@ -131,8 +134,9 @@ def _add_common_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         type=positive_int,
         default=1,
-        help='number of bags to process in parallel (default: 1)',
+        help='number of bags to process in parallel on this computer (default: 1)',
     )
+    add_scheduler_argument(group)
 
 
 def _add_image_arguments(parser: argparse.ArgumentParser) -> None:
@@ -182,6 +186,8 @@ def run(arguments: argparse.Namespace) -> int:
     from rover_obstacle_detection.offline.summary import ReplaySummary
     from rover_obstacle_detection.offline.summary_table import replay_table
 
+    if arguments.scheduler and arguments.workers > 1:
+        raise argparse.ArgumentTypeError('--scheduler: expected no --workers')
     if arguments.report:
         from rover_obstacle_detection.report.extra import require_report_libraries
 
@@ -194,13 +200,16 @@ def run(arguments: argparse.Namespace) -> int:
     check_output_folder(arguments.output, force=arguments.force)
     jobs = plan_jobs(arguments.bags, arguments.output)
     summaries: dict[int, ReplaySummary] = {}
+    failed = 0
     stopped = Interruption()
     with (
         stopped,
         folder_if_filled(jobs[0].output.resolve().parent),
         progress_bars(_names(jobs), 'pairs') as on_progress,
     ):
-        results = replay_jobs(jobs, options, arguments.workers, on_progress, stopped)
+        results = replay_jobs(
+            jobs, options, arguments.workers, on_progress, stopped, arguments.scheduler
+        )
         with contextlib.closing(results):
             for index, result in results:
                 if isinstance(result, ReplaySummary):
@@ -208,7 +217,9 @@ def run(arguments: argparse.Namespace) -> int:
                 elif isinstance(result, NothingDoneError):
                     report_interruption(str(result))
                 else:
+                    failed += 1
                     report_error(str(result))
+    report_failures(failed, len(jobs))
     if summaries:
         console = Console(highlight=False)
         console.print(replay_table([summaries[index] for index in sorted(summaries)]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, bag_name, open_bag
@@ -13,7 +13,13 @@ from rover_obstacle_detection.bags.requested_calibration import requested_calibr
 from rover_obstacle_detection.bags.stereo import BadFrame, read_pairs
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.calibration_files.request import CalibrationRequest
-from rover_obstacle_detection.errors import BagError, CameraError, ImageError
+from rover_obstacle_detection.errors import (
+    BagError,
+    CameraError,
+    ImageError,
+    NothingDoneError,
+    ObstacleDetectionError,
+)
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.results import Evaluation, merged
 from rover_obstacle_detection.evaluation.runner import RunOptions, SceneRun
@@ -23,12 +29,15 @@ from rover_obstacle_detection.offline.labelled_bag import (
     read_labelled,
     recorded_conditions,
 )
+from rover_obstacle_detection.offline.replay import Stopped, never_stopped
 
 OnProgress = Callable[[int, int], None]
 """Called with the number of frames done and expected."""
 
 OnBagProgress = Callable[[int, int, int], None]
 """Called with the bag's index and the number of frames done and expected."""
+
+_Ended = tuple[int, Evaluation | ObstacleDetectionError]
 
 _PREFIX = re.compile(r'^(?:(?:tuning|tune|reporting|report|scene|suite|\d+)[_-])+')
 
@@ -63,6 +72,7 @@ def evaluate_bag(
     bag_options: BagOptions,
     on_progress: OnProgress,
     name: str | None = None,
+    stopped: Stopped = never_stopped,
 ) -> Evaluation:
     """Run the methods on one labelled recording.
 
@@ -74,9 +84,13 @@ def evaluate_bag(
     on_progress : callable
     name : str, optional
         Name of the scene; the recording's if omitted.
+    stopped : callable, optional
+        Asked before each frame whether to give up.
 
     Raises
     ------
+    NothingDoneError
+        If it is stopped.
     ObstacleDetectionError
         If the recording cannot be read, has no labels or has no usable frame.
     """
@@ -90,6 +104,8 @@ def evaluate_bag(
         run = SceneRun(scene, conditions or (condition_in(scene),), run_options)
         frames, expected = labelled_frames(bag, truth, bag_options)
         for frame in frames:
+            if stopped():
+                raise NothingDoneError(f'{path} is not evaluated')
             if isinstance(frame, BadFrame):
                 problems.append(f'{path}: {frame.stamp_ns / 1e9:.3f} s: {frame.reason}')
                 continue
@@ -107,23 +123,97 @@ def evaluate_bags(
     run_options: RunOptions,
     bag_options: BagOptions,
     on_progress: OnBagProgress,
-) -> tuple[Evaluation, list[str]]:
+    stopped: Stopped = never_stopped,
+    scheduler: str = '',
+) -> tuple[Evaluation, list[ObstacleDetectionError]]:
     """Run the methods on several recordings; if one fails, the others are still evaluated.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    run_options : RunOptions
+    bag_options : BagOptions
+    on_progress : callable
+    stopped : callable, optional
+        Asked before each frame; recordings that are not done then are left out.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers evaluate the recordings.
 
     Returns
     -------
     evaluation : Evaluation
-    errors : list of str
-        One line for each recording that failed.
+        In the order of the recordings.
+    errors : list of ObstacleDetectionError
+        One for each recording that failed or is left out, in their order.
+
+    Raises
+    ------
+    ClusterError
+        If the scheduler cannot be reached.
+    MissingExtraError
+        If there is a scheduler and dask.distributed is not installed.
     """
+    if scheduler:
+        results = _on_cluster(scheduler, paths, run_options, bag_options, on_progress, stopped)
+    else:
+        results = _one_by_one(paths, run_options, bag_options, on_progress, stopped)
     parts, errors = [], []
+    for _, result in sorted(results, key=lambda each: each[0]):
+        if isinstance(result, Evaluation):
+            parts.append(result)
+        else:
+            errors.append(result)
+    return merged(parts, run_options.worst_pictures), errors
+
+
+def _one_by_one(
+    paths: Sequence[Path],
+    run_options: RunOptions,
+    bag_options: BagOptions,
+    on_progress: OnBagProgress,
+    stopped: Stopped,
+) -> Iterator[_Ended]:
     for index, (path, name) in enumerate(zip(paths, scene_names(paths), strict=True)):
         progress = functools.partial(on_progress, index)
+        result: Evaluation | ObstacleDetectionError
         try:
-            parts.append(evaluate_bag(path, run_options, bag_options, progress, name))
-        except (BagError, CameraError, ImageError) as error:
-            errors.append(str(error))
-    return merged(parts, run_options.worst_pictures), errors
+            result = evaluate_bag(path, run_options, bag_options, progress, name, stopped)
+        except (BagError, CameraError, ImageError, NothingDoneError) as error:
+            result = error
+        yield index, result
+
+
+def _on_cluster(
+    scheduler: str,
+    paths: Sequence[Path],
+    run_options: RunOptions,
+    bag_options: BagOptions,
+    on_progress: OnBagProgress,
+    stopped: Stopped,
+) -> Iterator[_Ended]:
+    from rover_obstacle_detection.offline.cluster import run_on_cluster
+    from rover_obstacle_detection.offline.cluster_worker import BagWork
+
+    calibration = bag_options.calibration.absolute()
+    bag_options = replace(bag_options, calibration=calibration)
+    works = []
+    for path, name in zip(paths, scene_names(paths), strict=True):
+        there = path.absolute()
+        run = functools.partial(_evaluate_on_worker, there, run_options, bag_options, name)
+        works.append(BagWork(str(path), (there, *calibration.files), run))
+    return run_on_cluster(scheduler, works, on_progress, stopped)
+
+
+def _evaluate_on_worker(
+    path: Path,
+    run_options: RunOptions,
+    bag_options: BagOptions,
+    name: str,
+    on_progress: OnProgress,
+    stopped: Stopped,
+    is_again: bool,
+) -> Evaluation:
+    return evaluate_bag(path, run_options, bag_options, on_progress, name, stopped)
 
 
 def labelled_frames(

@@ -1,8 +1,9 @@
-"""Replay several recordings, one after another or in parallel processes."""
+"""Replay several recordings: one after another, in parallel processes or on a cluster."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import multiprocessing
 import os
 import queue
@@ -10,7 +11,7 @@ import signal
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from rover_obstacle_detection.errors import (
     ObstacleDetectionError,
     OutputError,
 )
+from rover_obstacle_detection.offline.output_folder import folder_if_filled
 from rover_obstacle_detection.offline.replay import (
     Stopped,
     never_stopped,
@@ -74,6 +76,7 @@ def replay_jobs(
     workers: int,
     on_progress: OnJobProgress,
     stopped: Stopped = never_stopped,
+    scheduler: str = '',
 ) -> Generator[Result, None, None]:
     """Replay every recording; if one fails, the others are still replayed.
 
@@ -87,12 +90,24 @@ def replay_jobs(
         Number of parallel processes.
     on_progress : callable
     stopped : callable, optional
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers take the place of the processes.
 
     Yields
     ------
     index, result : int and ReplaySummary or ObstacleDetectionError
         In the order in which the jobs end.
+
+    Raises
+    ------
+    ClusterError
+        If the scheduler cannot be reached.
+    MissingExtraError
+        If there is a scheduler and dask.distributed is not installed.
     """
+    if scheduler:
+        yield from _on_cluster(jobs, options, on_progress, stopped, scheduler)
+        return
     workers = min(workers, len(jobs))
     if workers > 1:
         yield from _in_processes(jobs, options, workers, on_progress, stopped)
@@ -117,6 +132,43 @@ def _replay(
 
 def _for_job(on_progress: OnJobProgress, index: int) -> Callable[[int, int], None]:
     return lambda done, expected: on_progress(index, done, expected)
+
+
+def _on_cluster(
+    jobs: Sequence[ReplayJob],
+    options: ReplayOptions,
+    on_progress: OnJobProgress,
+    stopped: Stopped,
+    scheduler: str,
+) -> Generator[Result, None, None]:
+    from rover_obstacle_detection.offline.cluster import run_on_cluster
+    from rover_obstacle_detection.offline.cluster_worker import BagWork
+
+    calibration = options.calibration.absolute()
+    options = replace(options, calibration=calibration)
+    works = []
+    for job in jobs:
+        there = ReplayJob(job.bag.absolute(), job.output.resolve())
+        paths = (there.bag, there.output.parent, *calibration.files)
+        run = functools.partial(_replay_on_worker, there, options)
+        works.append(BagWork(str(job.bag), paths, run))
+    with contextlib.ExitStack() as folders:
+        # A worker that does not find them has no share in this file system.
+        for parent in {job.output.resolve().parent for job in jobs}:
+            folders.enter_context(folder_if_filled(parent))
+        yield from run_on_cluster(scheduler, works, on_progress, stopped)
+
+
+def _replay_on_worker(
+    job: ReplayJob,
+    options: ReplayOptions,
+    on_progress: Callable[[int, int], None],
+    stopped: Stopped,
+    is_again: bool,
+) -> ReplaySummary:
+    # The worker before may have died when it had written its results.
+    options = replace(options, force=options.force or is_again)
+    return replay_bag(job.bag, job.output, options, on_progress, stopped)
 
 
 def _in_processes(

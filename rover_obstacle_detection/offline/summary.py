@@ -226,14 +226,19 @@ def preamble(command: str, config: DetectorConfig) -> dict[str, Any]:
     return {
         'format': f'rover_obstacle_detection {command}',
         'format_version': FORMAT_VERSION,
-        'versions': {
-            'rover_obstacle_detection': __version__,
-            'python': platform.python_version(),
-            'numpy': metadata.version('numpy'),
-            'opencv': cv2.__version__,
-            'rosbags': metadata.version('rosbags'),
-        },
+        'versions': versions(),
         'parameters': dataclasses.asdict(config),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of this package, of Python, and of the libraries that decide."""
+    return {
+        'rover_obstacle_detection': __version__,
+        'python': platform.python_version(),
+        'numpy': metadata.version('numpy'),
+        'opencv': cv2.__version__,
+        'rosbags': metadata.version('rosbags'),
     }
 
 

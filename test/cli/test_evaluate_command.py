@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from recordings import stereo_messages, write_ros2
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.evaluation.methods import registry
 from rover_obstacle_detection.evaluation.methods.names import METHOD_DESCRIPTIONS
+from rover_obstacle_detection.offline import evaluate as evaluate_module
 
 SAMPLE_BAG = Path(__file__).parents[2] / 'bags' / 'mars_yard'
 
@@ -137,6 +140,29 @@ def test_a_recording_without_labels_is_reported_and_others_evaluated(
     shown = capsys.readouterr()
     assert 'report_noon' in shown.out
     assert 'unlabelled: no topic truth/labels' in shown.err
+
+
+def test_an_interrupt_keeps_the_recordings_that_are_done(
+    bag: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    other = write_labelled(tmp_path / 'other')
+    find = evaluate_module.find_truth_topics
+
+    def interrupt(reader, topic):
+        if reader.path == other:
+            os.kill(os.getpid(), signal.SIGINT)
+        return find(reader, topic)
+
+    monkeypatch.setattr(evaluate_module, 'find_truth_topics', interrupt)
+    file = tmp_path / 'figures.json'
+    assert evaluate(bag, other, '--json', file) == 130
+    assert capsys.readouterr().err == f'rover-obstacles: interrupted: {other} is not evaluated\n'
+    content = json.loads(file.read_text(encoding='utf-8'))
+    (scene,) = content['methods']['hybrid']['scenes']
+    assert scene['scene'] == 'report_noon'
 
 
 def test_conditions_can_be_given(bag: Path, tmp_path: Path) -> None:

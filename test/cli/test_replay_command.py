@@ -302,8 +302,9 @@ def test_workers_replay_several_bags_although_one_fails(bag, tmp_path, capsys):
     ]
     assert masks[0] == masks[1]
     captured = capsys.readouterr()
-    assert captured.err.startswith(f'rover-obstacles: error: {broken}')
-    assert captured.err.count('\n') == 1
+    error, count = captured.err.splitlines()
+    assert error.startswith(f'rover-obstacles: error: {broken}')
+    assert count == 'rover-obstacles: error: 1 of 3 bags failed'
     assert captured.out.count('drive') >= 4
 
 

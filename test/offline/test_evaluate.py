@@ -12,7 +12,7 @@ from recordings import START_NS, image, stereo_messages, write_ros2
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.detection.config import DetectorConfig
-from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
+from rover_obstacle_detection.errors import BagError, NothingDoneError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.figures import Figures
 from rover_obstacle_detection.evaluation.methods import registry
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
@@ -233,9 +233,24 @@ def test_recordings_are_evaluated_although_others_fail(tmp_path: Path) -> None:
     )
     assert [result.scene for result in evaluation.scenes] == ['good']
     assert len(errors) == 2
-    assert 'truth/labels' in errors[0]
-    assert 'nowhere' in errors[1]
+    assert 'truth/labels' in str(errors[0])
+    assert 'nowhere' in str(errors[1])
     assert progress == [(2, 1, 2), (2, 2, 2)]
+
+
+def test_recordings_that_are_done_are_kept_when_stopped(tmp_path: Path) -> None:
+    paths = [write_labelled(tmp_path / name) for name in ('first', 'second', 'third')]
+    progress = []
+    evaluation, errors = evaluate_bags(
+        paths,
+        OPTIONS,
+        BagOptions(),
+        lambda index, done, expected: progress.append((index, done)),
+        lambda: (1, 1) in progress,
+    )
+    assert [result.scene for result in evaluation.scenes] == ['first']
+    assert [str(error) for error in errors] == [f'{path} is not evaluated' for path in paths[1:]]
+    assert all(isinstance(error, NothingDoneError) for error in errors)
 
 
 def test_colour_pairs_are_evaluated(tmp_path: Path) -> None:

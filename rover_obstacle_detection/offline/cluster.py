@@ -1,0 +1,286 @@
+"""Work on several bags on a running Dask cluster (optional dependency group ``cluster``)."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import pkgutil
+import time
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from typing import Any, Generic, TypeVar
+
+from rover_obstacle_detection.errors import (
+    ClusterError,
+    MissingExtraError,
+    NothingDoneError,
+    ObstacleDetectionError,
+    failure_text,
+)
+
+try:
+    import distributed
+except ImportError as missing:
+    raise MissingExtraError(
+        '--scheduler needs dask.distributed, which is not installed: pip install distributed'
+    ) from missing
+
+from distributed.versions import VersionMismatchWarning
+
+from rover_obstacle_detection.offline.cluster_channel import Begun, Channel, Progress
+from rover_obstacle_detection.offline.cluster_worker import BagWork, cluster_versions, work_on
+
+Result = TypeVar('Result')
+Ended = tuple[int, Result | ObstacleDetectionError]
+
+OnBagProgress = Callable[[int, int, int], None]
+"""Called with the bag's index and the number of steps done and expected."""
+
+_POLL_S = 0.1
+_CONNECT_S = 10
+# Workers clean up after their current pair; a slow method may take longer.
+_CLEAN_UP_S = 60.0
+_UNREACHABLE = (OSError, distributed.TimeoutError)
+
+_logger = logging.getLogger(__name__)
+
+
+def run_on_cluster(
+    address: str,
+    works: Sequence[BagWork[Result]],
+    on_progress: OnBagProgress,
+    stopped: Callable[[], bool],
+) -> Generator[Ended[Result], None, None]:
+    """Do every work on the workers of a cluster; if one fails, the others are still done.
+
+    If a worker dies, the scheduler gives its bag to another one; after as many deaths as its
+    setting ``allowed-failures`` permits, the bag fails. If `stopped`, what has begun ends after
+    its current step, and nothing else begins.
+
+    Yields
+    ------
+    index, result : int and the result of the work or ObstacleDetectionError
+        In the order in which they end.
+
+    Raises
+    ------
+    ClusterError
+        If the scheduler cannot be reached, or a worker cannot import this package.
+    """
+    with _connected(address) as client:
+        run = _Run(client, address, works, on_progress)
+        try:
+            yield from run.results(stopped)
+        finally:
+            run.end()
+
+
+@contextlib.contextmanager
+def _connected(address: str) -> Iterator[Any]:
+    try:
+        with warnings.catch_warnings():
+            # The workers' versions are compared below, with those that matter here.
+            warnings.simplefilter('ignore', VersionMismatchWarning)
+            client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (*_UNREACHABLE, ValueError) as error:
+        raise ClusterError(
+            f'cannot reach the scheduler {address}: {failure_text(error)}'
+        ) from error
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+class _Run(Generic[Result]):
+    """One run: what waits, what the scheduler has, and what is begun."""
+
+    def __init__(
+        self,
+        client: Any,
+        address: str,
+        works: Sequence[BagWork[Result]],
+        on_progress: OnBagProgress,
+    ) -> None:
+        self._client = client
+        self._address = address
+        self._works = works
+        self._on_progress = on_progress
+        self._name = f'rover-obstacles-{uuid.uuid4().hex}'
+        self._channel = Channel(self._name, client)
+        self._waiting = deque(range(len(works)))
+        self._futures: dict[int, Any] = {}
+        self._begun: dict[int, Begun] = {}
+        self._has_workers = True
+        self._checked: set[str] = set()
+        self._told: set[str] = set()
+
+    def results(self, stopped: Callable[[], bool]) -> Iterator[Ended[Result]]:
+        """Yield each result when it is there."""
+        is_stopping = False
+        while self._waiting or self._futures:
+            try:
+                if stopped() and not is_stopping:
+                    is_stopping = True
+                    yield from self._stop()
+                self._submit()
+                done = [index for index, future in self._futures.items() if future.done()]
+                self._take_messages()
+                for index in done:
+                    if self._has_died_with_another(index):
+                        del self._futures[index]
+                        self._waiting.appendleft(index)
+                        continue
+                    result = self._result(index)
+                    del self._futures[index]
+                    yield index, result
+            except _UNREACHABLE as error:
+                yield from self._all_lost(failure_text(error))
+                return
+            if self._client.status != 'running':
+                yield from self._all_lost('the connection is closed')
+                return
+            time.sleep(_POLL_S)
+
+    def end(self) -> None:
+        """Cancel what is left and wait until workers have cleaned up."""
+        with contextlib.suppress(*_UNREACHABLE):
+            if self._futures and self._client.status == 'running':
+                self._abort()
+            self._channel.forget(self._begun)
+        self._channel.close()
+
+    def _submit(self) -> None:
+        """Give the scheduler as many bags as the workers can begin now.
+
+        If it had all, a bag could pay for the deaths of a worker that had not begun it.
+        """
+        threads = self._client.nthreads()
+        self._check_imports(set(threads) - self._checked)
+        places = sum(threads.values())
+        if not places and self._has_workers:
+            _logger.warning('the cluster %s has no workers: waiting for one', self._address)
+        self._has_workers = places > 0
+        while self._waiting and len(self._futures) < places:
+            index = self._waiting.popleft()
+            self._futures[index] = self._client.submit(
+                work_on,
+                self._name,
+                index,
+                self._works[index],
+                key=f'{self._name}-{index}-{uuid.uuid4().hex}',
+                pure=False,
+            )
+
+    def _check_imports(self, addresses: set[str]) -> None:
+        """Look for workers without this package: a bag that they get would end them."""
+        if not addresses:
+            return
+        self._checked |= addresses
+        found = self._client.run(
+            # Of the standard library, so that every worker has it.
+            pkgutil.resolve_name,
+            f'{work_on.__module__}:__name__',
+            workers=list(addresses),
+            on_error='return',
+        )
+        for address, result in found.items():
+            if isinstance(result, ImportError):
+                text = f'the worker {address} cannot work: {_failure_text(result)}'
+                if not self._futures:
+                    raise ClusterError(text)
+                _logger.warning('%s', text)
+
+    def _stop(self) -> Iterator[Ended[Result]]:
+        self._channel.stop.set()
+        self._take_messages()
+        not_begun = [index for index in self._futures if index not in self._begun]
+        for index in not_begun:
+            self._futures.pop(index).cancel()
+        not_begun += self._waiting
+        self._waiting.clear()
+        for index in not_begun:
+            yield index, NothingDoneError(f'{self._works[index].name} is not begun')
+
+    def _abort(self) -> None:
+        self._channel.abort.set()
+        self._take_messages()
+        for index, future in self._futures.items():
+            if index not in self._begun:
+                future.cancel()
+        deadline_s = time.monotonic() + _CLEAN_UP_S
+        while not all(each.done() for each in self._futures.values()):
+            if time.monotonic() > deadline_s:
+                return
+            time.sleep(_POLL_S)
+
+    def _take_messages(self) -> None:
+        for message in self._channel.received():
+            if isinstance(message, Begun):
+                self._take_begun(message)
+            elif isinstance(message, Progress):
+                self._on_progress(message.index, message.done, message.expected)
+            else:
+                _logger.warning('%s', message.text)
+
+    def _take_begun(self, begun: Begun) -> None:
+        if before := self._begun.get(begun.index):
+            _logger.warning(
+                '%s: lost the worker %s on the host %s: beginning again on %s, %s',
+                self._works[begun.index].name,
+                before.address,
+                before.host,
+                begun.host,
+                begun.address,
+            )
+        self._begun[begun.index] = begun
+        differences = [
+            f'{name} {begun.versions.get(name, "unknown")} (here {version})'
+            for name, version in cluster_versions().items()
+            if begun.versions.get(name) != version
+        ]
+        text = f'the host {begun.host} has {", ".join(differences)}: results may differ'
+        if differences and text not in self._told:
+            self._told.add(text)
+            _logger.warning('%s', text)
+
+    def _has_died_with_another(self, index: int) -> bool:
+        """Whether the scheduler gave a bag up for a worker that had not begun it."""
+        future, begun = self._futures[index], self._begun.get(index)
+        if future.status != 'error' or not isinstance(
+            error := future.exception(), distributed.KilledWorker
+        ):
+            return False
+        return begun is None or begun.address != error.last_worker.address
+
+    def _result(self, index: int) -> Result | ObstacleDetectionError:
+        future, name = self._futures[index], self._works[index].name
+        if future.status == 'finished':
+            result: Result | ObstacleDetectionError = future.result()
+            return result
+        if future.status == 'cancelled':
+            return ClusterError(f'{name}: the scheduler {self._address} has cancelled it')
+        return ClusterError(f'{name}: {_failure_text(future.exception())}')
+
+    def _all_lost(self, reason: str) -> Iterator[Ended[Result]]:
+        lost = [*self._futures, *self._waiting]
+        self._futures.clear()
+        self._waiting.clear()
+        for index in lost:
+            name = self._works[index].name
+            yield index, ClusterError(f'{name}: lost the scheduler {self._address}: {reason}')
+
+
+def _failure_text(error: BaseException) -> str:
+    if isinstance(error, distributed.KilledWorker):
+        return (
+            f'given up after {error.allowed_failures + 1} workers died with it, the last one '
+            f'{error.last_worker.address}: possibly out of memory'
+        )
+    cause = error.__cause__ or error
+    hint = ''
+    if isinstance(cause, ImportError):
+        hint = ': expected the same packages on the scheduler, the workers and here'
+    return failure_text(cause) + hint
