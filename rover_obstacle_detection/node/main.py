@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from rover_obstacle_detection.errors import ConfigurationError, ObstacleDetectionError
+from rover_obstacle_detection.node.allocator import return_freed_memory
 from rover_obstacle_detection.node.process import StopSignals, ros
 from rover_obstacle_detection.node.throttle import Throttle
 from rover_obstacle_detection.parameter_file import NODE_NAME, check_node_file
@@ -63,6 +64,7 @@ def run_node(ros_arguments: Sequence[str]) -> int:
         If rclpy is missing or the node cannot start.
     """
     check_parameter_files(ros_arguments)
+    return_freed_memory()
     stop = StopSignals()
     try:
         with ros(ros_arguments) as warning:

@@ -13,7 +13,7 @@ PROFILE_VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES
 IMPLICIT_PROFILES = ('DEFAULT_FASTRTPS_PROFILES.xml', 'DEFAULT_FASTDDS_PROFILES.xml')
 FAST_DDS = 'rmw_fastrtps_cpp'
 SHARED_MEMORY = Path('/dev/shm')
-# Measured: a participant with a segment of 134 MB takes 140 MB.
+# Measured: a participant takes this many times the size of its segment.
 SEGMENT_OVERHEAD = 1.06
 
 

@@ -62,13 +62,13 @@ def test_profile_in_the_working_directory_is_kept(tmp_path: Path) -> None:
 def test_too_little_shared_memory_is_a_warning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transport, '_free_bytes', lambda folder: 64_000_000)
+    monkeypatch.setattr(transport, '_free_bytes', lambda folder: 32_000_000)
     environment: dict[str, str] = {}
 
     warning = use_large_message_profile(environment, folder=tmp_path)
 
     assert warning is not None
-    assert 'has 64 MB free' in warning
+    assert 'has 32 MB free' in warning
     assert 'may be lost' in warning
     assert environment == {}
 
@@ -91,3 +91,11 @@ def test_segment_holds_several_of_the_largest_clouds() -> None:
     assert segment_size() >= 4 * LARGEST_CLOUD
     assert int(values['maxMessageSize'] or 0) > LARGEST_CLOUD
     assert values['useBuiltinTransports'] == 'false'
+
+
+def test_a_running_process_is_found_within_half_a_second() -> None:
+    root = xml.etree.ElementTree.parse(PROFILE).getroot()
+    period = next(each for each in root.iter() if each.tag.endswith('leaseAnnouncement'))
+    seconds, nanoseconds = (int(each.text or '') for each in period)
+
+    assert seconds + nanoseconds / 1e9 == 0.5
