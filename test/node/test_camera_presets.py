@@ -32,6 +32,15 @@ def test_realsense_calls_its_sides_otherwise() -> None:
     }
 
 
+def test_help_names_every_preset(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(['run', '--help'])
+    text = ' '.join(capsys.readouterr().out.split())
+    found = re.search(r'topics to subscribe to: (.+?);', text)
+    assert found is not None
+    assert re.split(', | or ', found[1]) == list(PRESETS)
+
+
 @pytest.mark.parametrize('name', PRESETS)
 def test_preset_is_valid_and_documented(name: str) -> None:
     preset = PRESETS[name]
