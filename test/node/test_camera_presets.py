@@ -72,14 +72,6 @@ def test_command_refuses_an_unknown_camera(capsys: pytest.CaptureFixture[str]) -
     assert "camera is 'webcam': expected one of zed, " in capsys.readouterr().err
 
 
-def test_help_names_every_preset(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(['run', '--help'])
-
-    words = re.findall(r'\w+', capsys.readouterr().out.partition('--camera NAME  ')[2])
-    assert set(PRESETS) <= set(words)
-
-
 def test_arguments_are_in_the_order_of_precedence() -> None:
     user = ['-r', 'left/image_rect:=/mine', '-p', 'approximate_sync:=false']
     options = Namespace(
