@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from rover_obstacle_detection.cli import replay_command
+from rover_obstacle_detection.cli import arguments
 from rover_obstacle_detection.messages.raw_images import (
     ALWAYS,
     NEVER,
@@ -63,4 +63,4 @@ def test_one_raw_image_makes_a_raw_pair_and_the_user_decides():
 
 
 def test_command_line_offers_every_choice():
-    assert replay_command.RECTIFY == RECTIFY
+    assert arguments.RECTIFY == RECTIFY
