@@ -28,11 +28,16 @@ def described_machine() -> str:
     memory = os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / GIGA
     return (
         f'{processor}, {len(os.sched_getaffinity(0))} of {os.cpu_count()} cores used, '
-        f'{memory:.0f} GB; {platform.system()} {platform.release()}; '
+        f'{memory:.0f} GB; {platform.system()} {kernel()}; '
         f'Python {platform.python_version()}, NumPy {np.__version__}, '
         f'OpenCV {cv2.__version__} with {cv2.getNumThreads()} threads, {ros()}; '
         f'load average {os.getloadavg()[0]:.1f} at the start'
     )
+
+
+def kernel() -> str:
+    """Return the version of the kernel without what a distributor adds to it."""
+    return platform.release().partition('-')[0]
 
 
 def ros() -> str:

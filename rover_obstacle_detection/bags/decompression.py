@@ -75,6 +75,10 @@ def decompress_file(path: Path, plain: Path) -> None:
     ------
     TooLargeError
         If it has more than the limit.
+    EOFError
+        If it is cut short; the other file has what precedes.
+    OSError
+        If one of the files cannot be opened, read or written.
     Exception
         Whatever the library raises if it is damaged.
     """
@@ -98,7 +102,8 @@ class _BoundedFile:
         self._file.close()
 
     def read(self, size: int) -> bytes:
-        data: bytes = self._file.read(size)
+        # Unlike read, this returns what precedes the end of a file that is cut short.
+        data: bytes = self._file.read1(size)
         self._left -= len(data)
         if self._left < 0:
             raise TooLargeError(

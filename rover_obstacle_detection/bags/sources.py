@@ -183,13 +183,29 @@ def _open_file(path: Path, stack: ExitStack) -> Source:
 
 def _open_compressed(path: Path, stack: ExitStack) -> Source:
     """Open a file that is compressed as a whole, from a folder for temporary files."""
-    plain = Path(stack.enter_context(TemporaryDirectory())) / plain_name(path)
     try:
-        decompress_file(path, plain)
+        plain = Path(stack.enter_context(TemporaryDirectory())) / plain_name(path)
+        cut_short = _decompress(path, plain)
+    except OSError as error:
+        raise BagError(f'{path}: cannot be decompressed: {error.strerror or error}') from error
+    except Exception as error:
+        raise read_failure(path, error) from error
+    try:
         source = _open_file(plain, stack)
     except BagError as error:
         raise BagError(str(error).replace(str(plain), str(path))) from error
-    except Exception as error:
-        raise read_failure(path, error) from error
     source.note = source.note.replace(str(plain), str(path))
+    if cut_short and not source.note:
+        source.note = f'{path}: cut short ({cut_short}); what precedes can be read'
     return source
+
+
+def _decompress(path: Path, plain: Path) -> str:
+    """Decompress a file; return why it ends early if what precedes can be read, or nothing."""
+    try:
+        decompress_file(path, plain)
+    except EOFError as error:
+        if plain.suffix != '.mcap' or not plain.stat().st_size:
+            raise
+        return str(error)
+    return ''

@@ -17,6 +17,8 @@ OFFLINE_GRAVITY_SOURCES = ('estimate', 'parameters')
 Setting = tuple[str, Any]
 # Nanoseconds, pixels and metres of larger numbers overflow.
 MAX_NUMBER = 1e9
+# Those of messages.raw_images.RECTIFY, without importing OpenCV.
+RECTIFY = ('by_name', 'always', 'never')
 
 
 def add_command(
@@ -94,8 +96,9 @@ def setting(text: str) -> Setting:
 
 
 def add_recording_arguments(group: argparse._ArgumentGroup) -> None:
-    """Add the options for a recording's topics, and ``--every``."""
+    """Add the options for a recording's topics, ``--rectify`` and ``--every``."""
     add_topic_arguments(group)
+    add_rectify_argument(group)
     add_every_argument(group)
 
 
@@ -107,6 +110,17 @@ def add_topic_arguments(group: argparse._ArgumentGroup) -> None:
             metavar='TOPIC',
             help=f'{side} image topic (default: found by name)',
         )
+
+
+def add_rectify_argument(group: argparse._ArgumentGroup) -> None:
+    """Add ``--rectify``."""
+    group.add_argument(
+        '--rectify',
+        choices=RECTIFY,
+        default=RECTIFY[0],
+        help='which images are raw and are rectified with the calibration: by_name (default) '
+        'those of topics without rect in the name',
+    )
 
 
 def add_every_argument(group: argparse._ArgumentGroup) -> None:

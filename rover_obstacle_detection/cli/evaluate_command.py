@@ -213,6 +213,7 @@ def _bag_options(arguments: argparse.Namespace) -> BagOptions:
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         labels_topic=arguments.labels_topic,
+        rectify=arguments.rectify,
         calibration=calibration_request(arguments),
         every=arguments.every,
         conditions=arguments.conditions,

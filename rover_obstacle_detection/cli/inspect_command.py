@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rover_obstacle_detection.cli.arguments import (
     add_command,
+    add_rectify_argument,
     add_side_by_side_argument,
     check_side_by_side,
 )
@@ -57,6 +58,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
             help=f'{side} image topic (default: every stereo camera found by name)',
         )
     add_side_by_side_argument(group)
+    add_rectify_argument(group)
     add_calibration_arguments(parser, ' (default: from the bag)')
     output = parser.add_argument_group('output')
     output.add_argument('--json', action='store_true', help='print a JSON list')
@@ -89,6 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.right_topic,
         calibration_request(arguments),
         side_by_side=arguments.side_by_side,
+        rectify=arguments.rectify,
     )
     content = []
     for path in arguments.bags:

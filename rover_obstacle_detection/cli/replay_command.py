@@ -13,6 +13,7 @@ from rover_obstacle_detection.cli.arguments import (
     add_detector_arguments,
     add_every_argument,
     add_output_arguments,
+    add_rectify_argument,
     add_scheduler_argument,
     add_side_by_side_argument,
     add_topic_arguments,
@@ -71,8 +72,6 @@ rover-obstacles inspect says of a bag which of these options it needs.
 """
 
 
-# Those of messages.raw_images.RECTIFY, without importing OpenCV.
-RECTIFY = ('by_name', 'always', 'never')
 # Those of offline.picture_files.PICTURE_NAMES, without importing OpenCV.
 PICTURES = ('overlay', 'disparity', 'regions', 'seeds', 'roughness_step', 'obstacle_map')
 
@@ -149,13 +148,7 @@ def _add_image_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive_number,
         help='largest stamp difference of a pair (default: stamps must be equal)',
     )
-    group.add_argument(
-        '--rectify',
-        choices=RECTIFY,
-        default=RECTIFY[0],
-        help='which images are raw and are rectified with the calibration: by_name (default) '
-        'those of topics without rect in the name',
-    )
+    add_rectify_argument(group)
     group.add_argument(
         '--salvage',
         action='store_true',

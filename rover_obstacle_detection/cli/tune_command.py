@@ -293,6 +293,7 @@ def _read(paths: Sequence[Path], arguments: argparse.Namespace) -> list[TuningSc
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         labels_topic=arguments.labels_topic,
+        rectify=arguments.rectify,
         calibration=calibration_request(arguments),
         every=arguments.every,
     )

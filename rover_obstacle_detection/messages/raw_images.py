@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from rover_obstacle_detection.messages.calibration import StereoCalibration
 from rover_obstacle_detection.messages.rectification import StereoRectification
 
@@ -11,6 +13,9 @@ BY_NAME, ALWAYS, NEVER = RECTIFY = ('by_name', 'always', 'never')
 _TRANSPORT = '/compressed'
 # Folders that drivers put rectified images in, as in ZED's left/color/rect/image.
 _RECTIFIED_FOLDERS = frozenset({'rect', 'rectified'})
+# As words: direct and unrectified contain rect as well.
+_RECTIFIED_WORD = re.compile(r'(?<![a-z])rect(ified)?(?![a-z])')
+_RAW_WORD = re.compile(r'(?<![a-z])raw(?![a-z])')
 
 
 def base_name(topic: str) -> str:
@@ -21,11 +26,17 @@ def base_name(topic: str) -> str:
 def is_named_rectified(topic: str) -> bool:
     """Return whether a topic's name says that its images are rectified.
 
-    That is ROS's convention: ``rect`` in the last part of the name. ``rect`` or ``rectified`` as
-    a part of its own counts too.
+    That is ROS's convention: the word ``rect`` or ``rectified`` in the last part of the name, as
+    in RealSense's ``image_rect_raw``. A part before it that is one of these words counts too,
+    unless the last part says ``raw`` or ``unrect``.
     """
-    parts = topic.removesuffix(_TRANSPORT).lower().split('/')
-    return 'rect' in parts[-1] or not _RECTIFIED_FOLDERS.isdisjoint(parts)
+    base = base_name(topic)
+    if 'unrect' in base:
+        return False
+    if _RECTIFIED_WORD.search(base):
+        return True
+    folders = topic.removesuffix(_TRANSPORT).lower().split('/')[:-1]
+    return not _RAW_WORD.search(base) and not _RECTIFIED_FOLDERS.isdisjoint(folders)
 
 
 def are_raw(left_topic: str, right_topic: str, rectify: str = BY_NAME) -> bool:

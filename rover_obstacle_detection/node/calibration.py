@@ -57,12 +57,20 @@ class LiveCalibration:
         self._raw_images = ''
         self.reset()
 
-    def set_raw_images(self, names: str) -> None:
-        """Rectify the images of these two topics; an empty string: they are rectified."""
+    def set_raw_images(self, names: str) -> bool:
+        """Rectify the images of these two topics; an empty string: they are rectified.
+
+        Returns
+        -------
+        bool
+            Whether that is a change.
+        """
         with self._changed:
-            if names != self._raw_images:
-                self._raw_images = names
-                self._combine()
+            if names == self._raw_images:
+                return False
+            self._raw_images = names
+            self._combine()
+            return True
 
     @property
     def calibrated(self) -> Calibrated | None:

@@ -135,7 +135,9 @@ class StereoInputs:
                 self.stop()
                 self.start()
         raw = are_raw(*self.topics, settings.rectify)
-        self._calibration.set_raw_images(' and '.join(self.topics) if raw else '')
+        changed = self._calibration.set_raw_images(' and '.join(self.topics) if raw else '')
+        if changed and (calibrated := self._calibration.calibrated) is not None:
+            self._report(calibrated)
 
     @property
     def subscriptions(self) -> tuple[Any, ...]:
@@ -232,7 +234,9 @@ class StereoInputs:
         )
         if rectify is not None:
             logger.info(images)
-        elif images != RECTIFIED:
+        elif images == RECTIFIED:
+            logger.info(f'{" and ".join(self.topics)} are taken as rectified')
+        else:
             self._warn(images)
 
     def _take_image(self, side: int, message: Any, info: Mapping[str, Any]) -> None:

@@ -23,6 +23,7 @@ from rover_obstacle_detection.errors import (
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.results import Evaluation, merged
 from rover_obstacle_detection.evaluation.runner import RunOptions, SceneRun
+from rover_obstacle_detection.messages.raw_images import BY_NAME
 from rover_obstacle_detection.offline.labelled_bag import (
     TruthTopics,
     find_truth_topics,
@@ -50,6 +51,8 @@ class BagOptions:
     ----------
     left_topic, right_topic, labels_topic : str, optional
         Found by name if omitted.
+    rectify : str
+        Which images are raw, one of `messages.raw_images.RECTIFY`.
     calibration : CalibrationRequest
         From the bag if nothing is given.
     every : int
@@ -61,6 +64,7 @@ class BagOptions:
     left_topic: str | None = None
     right_topic: str | None = None
     labels_topic: str | None = None
+    rectify: str = BY_NAME
     calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
     every: int = 1
     conditions: Sequence[str] = ()
@@ -233,6 +237,7 @@ def labelled_frames(
         If there is no stereo camera or no calibration.
     """
     topics = bag.stereo_topics(left_image=options.left_topic, right_image=options.right_topic)
+    topics = replace(topics, rectify=options.rectify)
     pairs = read_pairs(
         bag,
         topics,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bz2
+import errno
+import os
 
 import lz4.frame
 import pytest
@@ -10,7 +12,7 @@ from mcap.writer import CompressionType
 from recordings import ROS1, ROS2, WRITERS, stereo_messages, write_mcap, write_ros1, write_ros2
 from rosbags.rosbag1 import Writer as Writer1
 
-from rover_obstacle_detection.bags import decompression
+from rover_obstacle_detection.bags import decompression, sources
 from rover_obstacle_detection.bags.decompression import (
     TooLargeError,
     decompress_bz2,
@@ -155,6 +157,46 @@ def test_damage_is_reported_of_the_compressed_file(tmp_path, monkeypatch):
         assert str(caught.value).startswith(f'{path}: ')
         assert 'tmp' not in str(caught.value).replace(str(path), '')
         assert '\n' not in str(caught.value)
+
+
+def test_what_precedes_the_end_of_a_compressed_file_cut_short_is_read(tmp_path):
+    recording = write_mcap(tmp_path / 'drive.mcap', stereo_messages(200), chunk_size=4096)
+    complete = len(read(recording))
+    compressed = whole(recording)
+    compressed.write_bytes(compressed.read_bytes()[: compressed.stat().st_size // 2])
+    with open_bag(compressed) as bag:
+        (note,) = bag.notes
+        found = len(list(bag.messages(list(bag.topics))))
+    assert 0 < found < complete
+    assert note.startswith(f'{compressed}: cut short or damaged (')
+    assert note.endswith(f'; {found} messages can be read')
+
+
+def test_only_the_end_of_a_compressed_file_is_lost(tmp_path):
+    compressed = whole(write_mcap(tmp_path / 'drive.mcap', stereo_messages(2)))
+    plain = decompression._zstd.decompress(compressed.read_bytes())
+    compressor = decompression._zstd.ZstdCompressor()
+    # All blocks, but not the last one, which is empty and says that it is the last.
+    compressed.write_bytes(compressor.compress(plain, compressor.FLUSH_BLOCK))
+    with open_bag(compressed) as bag:
+        assert len(list(bag.messages(list(bag.topics)))) == 8
+        (note,) = bag.notes
+    assert note.startswith(f'{compressed}: cut short (')
+    assert note.endswith('; what precedes can be read')
+
+
+@pytest.mark.parametrize('number', [errno.ENOSPC, errno.EACCES])
+def test_a_full_disk_is_not_taken_for_damage(tmp_path, monkeypatch, number):
+    compressed = whole(write_mcap(tmp_path / 'drive.mcap', stereo_messages(2)))
+
+    def fail(path, plain):
+        raise OSError(number, os.strerror(number), str(plain))
+
+    monkeypatch.setattr(sources, 'decompress_file', fail)
+    with pytest.raises(BagError) as caught:
+        read(compressed)
+    reason = os.strerror(number)
+    assert str(caught.value) == f'{compressed}: cannot be decompressed: {reason}'
 
 
 def test_other_compressed_files_are_no_recordings(tmp_path):

@@ -42,6 +42,16 @@ def test_the_table_shows_the_figures(bag: Path, capsys: pytest.CaptureFixture[st
     assert rows[-1][:6] == ['hybrid', '0.500', '1.000', '0.500', '0.667', '2/2']
 
 
+@pytest.mark.parametrize('rectify', ['always', 'by_name'])
+def test_which_images_are_rectified_can_be_said(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], rectify: str
+) -> None:
+    bent = write_labelled(tmp_path / 'bent', distortion=(-0.2, 0.05, 0, 0, 0))
+    assert evaluate(bent, '--rectify', rectify) == 0
+    said = 'are raw images: rectifying them' in capsys.readouterr().err
+    assert said == (rectify == 'always')
+
+
 def test_the_json_file_has_every_frame(bag: Path, tmp_path: Path) -> None:
     file = tmp_path / 'figures.json'
     assert evaluate(bag, '--method', 'hybrid', '--method', 'wang', '--json', file) == 0

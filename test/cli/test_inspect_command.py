@@ -128,6 +128,29 @@ def test_unsynchronised_images_are_judged_one_by_one(tmp_path, capsys):
     assert 'too few matches' not in text
 
 
+@pytest.mark.parametrize(
+    ('name', 'rectify', 'words'),
+    [
+        ('image_rect', 'always', 'raw with --rectify always: replay rectifies them;'),
+        ('image_raw', 'never', 'yes with --rectify never;'),
+    ],
+)
+def test_what_is_said_of_raw_images_is_heeded_and_in_the_command(
+    tmp_path, capsys, name, rectify, words
+):
+    def change(side, info):
+        info.distortion_model = 'plumb_bob'
+        info.d = np.array([-0.2, 0.05, 0, 0, 0], np.float64)
+
+    bag = write_stereo_bag(tmp_path / 'drive', images=views(), name=name, change_info=change)
+    (found,) = as_json(capsys, bag, '--rectify', rectify)
+    (camera,) = found['cameras']
+    assert camera['rectify'] == rectify
+    assert camera['rectified_by_name'] == (name == 'image_rect')
+    assert shlex.split(camera['command'])[-2:] == ['--rectify', rectify]
+    assert f'rectified {words}' in inspect(capsys, bag, '--rectify', rectify)
+
+
 @pytest.mark.parametrize('name', ['image_rect', 'image_raw'])
 def test_the_command_replays_cameras_that_need_a_tolerance(tmp_path, capsys, monkeypatch, name):
     bag = write_stereo_bag(tmp_path / 'drive', images=views(), right_delay_ns=2_500_000, name=name)

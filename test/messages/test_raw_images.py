@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from rover_obstacle_detection.cli import replay_command
+from rover_obstacle_detection.cli import arguments
 from rover_obstacle_detection.messages.raw_images import (
     ALWAYS,
     NEVER,
@@ -21,6 +21,9 @@ from rover_obstacle_detection.messages.raw_images import (
         '/zed/zed_node/left/color/rect/image',
         '/zed/zed_node/left/color/rect/image/compressed',
         '/Left/Rectified/image',
+        '/left/rectified_image',
+        '/left/rect',
+        '/rectified/left/image_rect_raw',
     ],
 )
 def test_rect_in_the_name_means_rectified(topic):
@@ -37,6 +40,13 @@ def test_rect_in_the_name_means_rectified(topic):
         # What only contains the word, such as a namespace, says nothing of the image.
         '/rectangle/left/image',
         '/correctly/left/image_raw',
+        '/left/image_unrectified',
+        '/left/rect/image_unrect',
+        '/left/direct_image',
+        '/left/rectangle_image',
+        # The image's own name counts more than its folder.
+        '/rectified/left/image_raw',
+        '/rectified/left/raw/compressed',
     ],
 )
 def test_other_names_mean_raw(topic):
@@ -53,4 +63,4 @@ def test_one_raw_image_makes_a_raw_pair_and_the_user_decides():
 
 
 def test_command_line_offers_every_choice():
-    assert replay_command.RECTIFY == RECTIFY
+    assert arguments.RECTIFY == RECTIFY

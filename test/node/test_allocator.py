@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
 import sys
@@ -33,10 +34,14 @@ print(resident_mb() - before)
 """
 
 
-def kept_mb(mode: str) -> float:
+def kept_mb(mode: str, **variables: str) -> float:
     """Memory that a process keeps after it freed 64 MB."""
     done = subprocess.run(
-        [sys.executable, '-c', FREE, mode], check=True, capture_output=True, text=True
+        [sys.executable, '-c', FREE, mode],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, **variables},
     )
     return float(done.stdout)
 
@@ -45,3 +50,8 @@ def kept_mb(mode: str) -> float:
 def test_freed_images_are_returned() -> None:
     assert kept_mb('default') > 40
     assert kept_mb('set') < 20
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != 'glibc', reason='a setting of glibc')
+def test_what_the_user_has_set_is_left_alone() -> None:
+    assert kept_mb('set', MALLOC_MMAP_THRESHOLD_=str(32 << 20)) > 40

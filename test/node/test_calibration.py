@@ -162,7 +162,7 @@ def test_only_raw_images_are_rectified(calibration: LiveCalibration) -> None:
     assert calibration.calibrated is not None
     assert calibration.calibrated[1:] == (None, RECTIFIED)
 
-    calibration.set_raw_images(RAW)
+    assert calibration.set_raw_images(RAW)
 
     camera, rectify, treatment = calibration.calibrated
     assert camera.fx == 100.0
@@ -179,7 +179,8 @@ def test_only_raw_images_are_rectified(calibration: LiveCalibration) -> None:
     assert not calibration.update(1, right)
     assert calibration.calibrated.rectify is rectify
 
-    calibration.set_raw_images('')
+    assert calibration.set_raw_images('')
+    assert not calibration.set_raw_images('')
     assert calibration.calibrated[1:] == (None, RECTIFIED)
 
 

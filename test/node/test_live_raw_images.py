@@ -158,7 +158,10 @@ def test_rectified_images_are_not_rectified_again(tmp_path: Path) -> None:
         np.testing.assert_array_equal(rover.detect_raw(), plain)
         rover.wait_for(lambda: rover.diagnostics.value('calibration', 'images') == 'rectified')
 
+        rover.logged('are taken as rectified')
+
         rover.set(rectify='always')
+        rover.logged('are raw images: rectifying them with K, D, R and P')
         np.testing.assert_array_equal(rover.detect_raw(), expected_mask(bent))
 
 

@@ -9,6 +9,7 @@ from recordings import (
     FRAME_NS,
     HEIGHT,
     IMAGE,
+    INFO,
     ROS2,
     START_NS,
     TEXT,
@@ -53,9 +54,13 @@ def truth(topic, array, number, encoding):
     return Recorded(topic, IMAGE, message, stamp_ns)
 
 
-def write_labelled(path, *, frames=2, namespace='/truth', scene=None, **given):
+def write_labelled(path, *, frames=2, namespace='/truth', scene=None, distortion=(), **given):
     """Write a labelled recording; an array of `given` may be None to leave it out."""
     messages = stereo_messages(frames)
+    for each in messages:
+        if each.type_name == INFO and distortion:
+            each.message.distortion_model = 'plumb_bob'
+            each.message.d = np.array(distortion, np.float64)
     for name, make, encoding in (
         ('labels', labels, 'mono8'),
         ('instances', instances, 'mono16'),

@@ -60,6 +60,18 @@ def test_tuning_small_bags_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @needs_tune
+def test_which_images_are_rectified_can_be_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bent = write_labelled(tmp_path / 'bent', distortion=(-0.2, 0.05, 0, 0, 0))
+    arguments = (bent, '--trials', 1, '--force', '-o', tmp_path / 'x.yaml')
+    for rectify in ('always', 'by_name'):
+        assert tune(*arguments, '--rectify', rectify) == 0
+        said = 'are raw images: rectifying them' in capsys.readouterr().err
+        assert said == (rectify == 'always')
+
+
+@needs_tune
 def test_single_bag_has_no_held_out_figures(
     bags: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

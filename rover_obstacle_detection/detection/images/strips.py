@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,7 +17,19 @@ Result = TypeVar('Result')
 _ROWS = 120
 # A multiple of the steps at which rows are sampled, so that strips sample the same rows.
 _STEP = 6
-_EXECUTOR = ThreadPoolExecutor(2, 'strips')
+_THREADS = 2
+
+
+def _start() -> None:
+    global _executor
+    _executor = ThreadPoolExecutor(_THREADS, 'strips')
+
+
+_executor: ThreadPoolExecutor
+_start()
+# A forked process inherits the executor, but none of its threads.
+if hasattr(os, 'register_at_fork'):
+    os.register_at_fork(after_in_child=_start)
 
 
 @dataclass(frozen=True)
@@ -43,6 +56,10 @@ class Strip:
 def in_strips(work: Callable[[Strip], Result], height: int, reach: int = 0) -> list[Result]:
     """Do the work on each strip, in two threads unless OpenCV is limited to one.
 
+    Never in more than two: the callers are bound by memory rather than by arithmetic. A forked
+    process gets two threads of its own. OpenCV's own threads work there too; where OpenCV is built
+    with OpenMP, ``cv2.setNumThreads(1)`` in the forked process keeps it from waiting for ever.
+
     Parameters
     ----------
     work : callable
@@ -67,4 +84,4 @@ def in_strips(work: Callable[[Strip], Result], height: int, reach: int = 0) -> l
     ]
     if cv2.getNumThreads() < 2:
         return [work(strip) for strip in strips]
-    return list(_EXECUTOR.map(work, strips))
+    return list(_executor.map(work, strips))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BagReader, bag_name, open_bag
 from rover_obstacle_detection.bags.topics import StereoTopics, stereo_cameras
 from rover_obstacle_detection.calibration_files.request import CalibrationRequest
 from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.messages.raw_images import BY_NAME
 from rover_obstacle_detection.offline.inspection.calibration import (
     Calibration,
     find_calibration,
@@ -46,12 +47,15 @@ class InspectionOptions:
         From the bag if nothing is given.
     side_by_side : bool
         The images of `left_topic` show both views side by side.
+    rectify : str
+        Which images are raw, one of `messages.raw_images.RECTIFY`.
     """
 
     left_topic: str | None = None
     right_topic: str | None = None
     calibration: CalibrationRequest = field(default_factory=CalibrationRequest)
     side_by_side: bool = False
+    rectify: str = BY_NAME
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,8 @@ def inspect_bag(path: Path, options: InspectionOptions) -> BagInspection:
         If it cannot be opened, or a given topic or calibration file cannot be used.
     """
     with open_bag(path) as bag:
-        cameras, missing = _topics(bag, options)
+        found, missing = _topics(bag, options)
+        cameras = [replace(each, rectify=options.rectify) for each in found]
         images = {name for each in cameras for name in (each.left_image, each.right_image)}
         infos = {name for each in cameras for name in (each.left_info, each.right_info) if name}
         streams, info_streams = read_streams(bag, images, infos)
@@ -203,6 +208,8 @@ def _inspect_camera(
         arguments += ['--side-by-side', '--left-topic', topics.left_image]
     elif options.left_topic or options.right_topic or not is_only:
         arguments += ['--left-topic', topics.left_image, '--right-topic', topics.right_image]
+    if topics.rectify != BY_NAME:
+        arguments += ['--rectify', topics.rectify]
     if options.calibration.is_given:
         arguments += options.calibration.arguments()
     elif calibration.problem:

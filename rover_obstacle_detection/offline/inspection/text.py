@@ -6,11 +6,12 @@ import math
 import shlex
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
+from rover_obstacle_detection.messages.raw_images import BY_NAME
 from rover_obstacle_detection.offline.inspection.corrected_calibration import (
     CorrectedCalibration,
 )
@@ -92,7 +93,8 @@ def _camera_json(camera: CameraInspection) -> dict[str, Any]:
             'left_changes': calibration.left.changes if calibration.left else None,
             'right_changes': calibration.right.changes if calibration.right else None,
         },
-        'rectified_by_name': camera.topics.is_rectified,
+        'rectified_by_name': replace(camera.topics, rectify=BY_NAME).is_rectified,
+        'rectify': camera.topics.rectify,
         'sample': {
             'pairs': camera.sample.pairs,
             'bad': list(camera.sample.bad),
@@ -179,12 +181,11 @@ def _calibrated(camera: CameraInspection) -> str:
 
 
 def _rectified(camera: CameraInspection) -> str:
-    if camera.topics.is_rectified:
-        text = 'yes by name'
-    elif camera.calibration.rectification and camera.calibration.rectification.is_needed:
-        text = 'raw by name: replay rectifies them'
-    else:
-        text = 'raw by name'
+    rectify = camera.topics.rectify
+    reason = 'by name' if rectify == BY_NAME else f'with --rectify {rectify}'
+    text = f'{"yes" if camera.topics.is_rectified else "raw"} {reason}'
+    if camera.calibration.rectification and camera.calibration.rectification.is_needed:
+        text += ': replay rectifies them'
     usable = [each for each in camera.sample.geometry if not each.swapped]
     if not usable:
         return f'{text}; not measured'

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 
 import cv2
@@ -7,6 +10,21 @@ import numpy as np
 import pytest
 
 from rover_obstacle_detection.detection.images.strips import in_strips
+
+# The child ends by a signal if its strips hang.
+FORK = """
+import os, signal
+import cv2
+from rover_obstacle_detection.detection.images.strips import in_strips
+
+cv2.setNumThreads(2)
+assert len(in_strips(lambda strip: strip, 600)) == 4
+child = os.fork()
+if not child:
+    signal.alarm(20)
+    os._exit(len(in_strips(lambda strip: strip, 600)))
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
 
 
 @pytest.fixture(params=[1, 2])
@@ -61,3 +79,9 @@ def test_work_stays_in_this_thread_where_opencv_is_limited_to_it(threads):
 def test_errors_of_the_work_arrive(threads):
     with pytest.raises(ZeroDivisionError):
         in_strips(lambda strip: 1 // strip.rows.start, 600)
+
+
+@pytest.mark.skipif(not hasattr(os, 'fork'), reason='no fork on this system')
+def test_a_forked_process_has_threads_of_its_own():
+    done = subprocess.run([sys.executable, '-c', FORK], check=True, capture_output=True, text=True)
+    assert done.stdout == '4\n'
