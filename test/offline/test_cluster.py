@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import shutil
 import signal
 import socket
 import threading
+import types
 from pathlib import Path
 
 import pytest
@@ -149,6 +151,63 @@ def test_a_bag_that_kills_every_worker_fails_and_the_others_go_on(address, bags,
     assert not Path('out/deadly').exists()
 
 
+def test_a_bag_that_kills_workers_before_they_begin_it_fails(address, bags, caplog, monkeypatch):
+    monkeypatch.setattr(module, '_MOST_RETRIES', 1)
+    jobs = plan_jobs(bags('unbegun', 'one'), Path('out'))
+    results = dict(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address))
+    assert isinstance(results[0], ClusterError)
+    assert str(results[0]).startswith('unbegun: given up after 2 workers died with it, ')
+    assert counts(Path('out', 'one'))['detected'] == 3
+    (line,) = (line for line in said(caplog) if line.endswith(': retry 1 of 1'))
+    assert line.startswith('unbegun: given up after 2 workers died with it, ')
+
+
+def test_a_stopped_run_tries_no_bag_again(client, address, bags, monkeypatch):
+    monkeypatch.setattr(module._Run, '_has_died_with_another', lambda run, index: True)
+    (held,) = bags('held_again')
+    begun = set()
+
+    def on_progress(index, done, expected):
+        if done == 2:
+            begun.add(index)
+
+    def stopped():
+        if begun:
+            release(held.absolute(), client)
+        return bool(begun)
+
+    jobs = plan_jobs([held], Path('out'))
+    ((_, error),) = replay_jobs(jobs, OPTIONS, 1, on_progress, stopped, address)
+    assert isinstance(error, NothingDoneError)
+    assert str(error) == 'held_again is not finished'
+
+
+def test_a_stopped_run_ends_when_its_workers_are_gone(bags, tmp_path):
+    held, other = bags('held', 'one')
+    killed = []
+    with local_cluster(tmp_path / 'dask', 1) as client:
+        client.register_plugin(FaultyWorkers())
+        for nanny in client.cluster.workers.values():
+            nanny.auto_restart = False
+
+        def on_progress(index, done, expected):
+            if done == 2:
+                os.kill(process_that_holds(held.absolute(), client), signal.SIGKILL)
+                killed.append(index)
+
+        jobs = plan_jobs([held, other], Path('out'))
+        results = dict(
+            replay_jobs(
+                jobs, OPTIONS, 1, on_progress, lambda: bool(killed), client.scheduler.address
+            )
+        )
+    assert all(isinstance(each, NothingDoneError) for each in results.values())
+    assert [str(results[index]) for index in (0, 1)] == [
+        'held is not finished',
+        'one is not begun',
+    ]
+
+
 def test_a_stopped_run_keeps_what_is_done(client, address, bags):
     paths = bags('held_1', 'held_2', 'held_3', 'one', 'two')
     begun = set()
@@ -277,3 +336,31 @@ def test_a_worker_without_this_package_is_named(client, address, tmp_path, monke
     jobs = plan_jobs([tmp_path / 'bag'], tmp_path / 'out')
     with pytest.raises(ClusterError, match=r"the worker tcp://127.* named 'rover_.*not_there'"):
         next(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address))
+
+
+def test_a_worker_without_this_package_that_comes_between_bags_is_warned_of(
+    bags, tmp_path, caplog, monkeypatch
+):
+    jobs = plan_jobs(bags('one', 'two'), Path('out'))
+    with local_cluster(tmp_path / 'dask', 1, processes=False) as client:
+        results = replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=client.scheduler.address)
+        assert next(results)[0] == 0
+        # Every module name that it is asked for is unknown to it.
+        unknown = types.SimpleNamespace(resolve_name=importlib.import_module)
+        monkeypatch.setattr(module, 'pkgutil', unknown)
+        client.cluster.scale(2)
+        client.wait_for_workers(2)
+        assert [index for index, _ in results] == [1]
+    assert counts(Path('out', 'two'))['detected'] == 3
+    (line,) = said(caplog)
+    assert ' cannot work: ' in line
+
+
+def test_a_worker_that_does_not_answer_gets_its_bag_with_a_warning(
+    client, address, bags, caplog, monkeypatch
+):
+    monkeypatch.setattr(module, '_CHECK_S', 0)
+    jobs = plan_jobs(bags('one'), Path('out'))
+    ((_, summary),) = replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address)
+    assert len(summary.frames) == 3
+    assert any(line.startswith('no answer in 0 s from one of the ') for line in said(caplog))
