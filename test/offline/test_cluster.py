@@ -127,7 +127,10 @@ def test_a_dead_worker_costs_its_bag_a_retry(client, address, bags, capsys):
     lost = [line for line in lines if ': lost the worker tcp://127.0.0.1:' in line]
     assert sorted(line.split(':')[2] for line in lost) == [' held', ' written']
     assert all(': beginning again on ' in line for line in lost)
-    (left_over,) = (line for line in lines if line not in lost)
+    # The bag that is held may also lose the other worker before it begins there.
+    retried = [line for line in lines if line.endswith(': retry 1 of 3')]
+    assert [line.split(':')[2] for line in retried] in ([], [' held'])
+    (left_over,) = (line for line in lines if line not in (*lost, *retried))
     assert 'out/.held.partial is left over from a run that was killed' in left_over
     assert main(['replay', 'one', '-o', 'alone']) == 0
     assert all(masks(Path('out', name)) == masks(Path('alone')) for name in names)
@@ -188,7 +191,7 @@ def test_a_stopped_run_ends_when_its_workers_are_gone(bags, tmp_path):
     with local_cluster(tmp_path / 'dask', 1) as client:
         client.register_plugin(FaultyWorkers())
         for nanny in client.cluster.workers.values():
-            nanny.auto_restart = False
+            nanny.close_gracefully()  # it starts no other worker
 
         def on_progress(index, done, expected):
             if done == 2:
