@@ -8,7 +8,7 @@ import pkgutil
 import time
 import uuid
 import warnings
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Any, Generic, TypeVar
 
@@ -42,6 +42,10 @@ _POLL_S = 0.1
 _CONNECT_S = 10
 # Workers clean up after their current pair; a slow method may take longer.
 _CLEAN_UP_S = 60.0
+# A worker may import this package from a slow shared file system.
+_CHECK_S = 30.0
+# A worker that dies before it begins a bag may have died of something else, but not every time.
+_MOST_RETRIES = 3
 _UNREACHABLE = (OSError, distributed.TimeoutError)
 
 _logger = logging.getLogger(__name__)
@@ -56,8 +60,9 @@ def run_on_cluster(
     """Do every work on the workers of a cluster; if one fails, the others are still done.
 
     If a worker dies, the scheduler gives its bag to another one; after as many deaths as its
-    setting ``allowed-failures`` permits, the bag fails. If `stopped`, what has begun ends after
-    its current step, and nothing else begins.
+    setting ``allowed-failures`` permits, the bag fails. If the last worker had not begun the bag,
+    it is tried again a few times. If `stopped`, what has begun ends after its current step, or is
+    left out if there are no workers, and nothing else begins.
 
     Yields
     ------
@@ -113,6 +118,7 @@ class _Run(Generic[Result]):
         self._waiting = deque(range(len(works)))
         self._futures: dict[int, Any] = {}
         self._begun: dict[int, Begun] = {}
+        self._retries: Counter[int] = Counter()
         self._has_workers = True
         self._checked: set[str] = set()
         self._told: set[str] = set()
@@ -124,18 +130,12 @@ class _Run(Generic[Result]):
             try:
                 if stopped() and not is_stopping:
                     is_stopping = True
-                    yield from self._stop()
-                self._submit()
-                done = [index for index, future in self._futures.items() if future.done()]
-                self._take_messages()
-                for index in done:
-                    if self._has_died_with_another(index):
-                        del self._futures[index]
-                        self._waiting.appendleft(index)
-                        continue
-                    result = self._result(index)
-                    del self._futures[index]
-                    yield index, result
+                    self._stop()
+                if is_stopping:
+                    yield from self._left_out()
+                else:
+                    self._submit()
+                yield from self._ended(is_stopping)
             except _UNREACHABLE as error:
                 yield from self._all_lost(failure_text(error))
                 return
@@ -143,6 +143,18 @@ class _Run(Generic[Result]):
                 yield from self._all_lost('the connection is closed')
                 return
             time.sleep(_POLL_S)
+
+    def _ended(self, is_stopping: bool) -> Iterator[Ended[Result]]:
+        done = [index for index, future in self._futures.items() if future.done()]
+        self._take_messages()
+        for index in done:
+            if self._has_died_with_another(index) and (is_stopping or self._may_retry(index)):
+                del self._futures[index]
+                self._waiting.appendleft(index)
+                continue
+            result = self._result(index)
+            del self._futures[index]
+            yield index, result
 
     def end(self) -> None:
         """Cancel what is left and wait until workers have cleaned up."""
@@ -175,34 +187,48 @@ class _Run(Generic[Result]):
             )
 
     def _check_imports(self, addresses: set[str]) -> None:
-        """Look for workers without this package: a bag that they get would end them."""
+        """Look for workers without this package: a bag sent to such a worker makes it exit."""
         if not addresses:
             return
         self._checked |= addresses
-        found = self._client.run(
-            # Of the standard library, so that every worker has it.
-            pkgutil.resolve_name,
-            f'{work_on.__module__}:__name__',
-            workers=list(addresses),
-            on_error='return',
-        )
+        try:
+            found = self._client.run(
+                # Of the standard library, so that every worker has it.
+                pkgutil.resolve_name,
+                f'{work_on.__module__}:__name__',
+                workers=list(addresses),
+                on_error='return',
+                callback_timeout=_CHECK_S,
+            )
+        except distributed.TimeoutError:
+            workers = ', '.join(sorted(addresses))
+            _logger.warning('no answer in %g s from one of the workers %s', _CHECK_S, workers)
+            return
         for address, result in found.items():
             if isinstance(result, ImportError):
                 text = f'the worker {address} cannot work: {_failure_text(result)}'
-                if not self._futures:
+                if not self._begun:
                     raise ClusterError(text)
                 _logger.warning('%s', text)
 
-    def _stop(self) -> Iterator[Ended[Result]]:
+    def _stop(self) -> None:
         self._channel.stop.set()
         self._take_messages()
-        not_begun = [index for index in self._futures if index not in self._begun]
-        for index in not_begun:
+        self._take_back([index for index in self._futures if index not in self._begun])
+
+    def _take_back(self, indices: list[int]) -> None:
+        for index in indices:
             self._futures.pop(index).cancel()
-        not_begun += self._waiting
-        self._waiting.clear()
-        for index in not_begun:
-            yield index, NothingDoneError(f'{self._works[index].name} is not begun')
+        self._waiting.extend(indices)
+
+    def _left_out(self) -> Iterator[Ended[Result]]:
+        """Yield an error for each bag that a stopped run does not do."""
+        if self._futures and not self._client.nthreads():
+            self._take_back([index for index, each in self._futures.items() if not each.done()])
+        while self._waiting:
+            index = self._waiting.popleft()
+            state = 'finished' if index in self._begun else 'begun'
+            yield index, NothingDoneError(f'{self._works[index].name} is not {state}')
 
     def _abort(self) -> None:
         self._channel.abort.set()
@@ -212,7 +238,7 @@ class _Run(Generic[Result]):
                 future.cancel()
         deadline_s = time.monotonic() + _CLEAN_UP_S
         while not all(each.done() for each in self._futures.values()):
-            if time.monotonic() > deadline_s:
+            if time.monotonic() > deadline_s or not self._client.nthreads():
                 return
             time.sleep(_POLL_S)
 
@@ -254,6 +280,20 @@ class _Run(Generic[Result]):
         ):
             return False
         return begun is None or begun.address != error.last_worker.address
+
+    def _may_retry(self, index: int) -> bool:
+        """Count and tell a retry: the scheduler's own count of deaths begins again with it."""
+        if self._retries[index] == _MOST_RETRIES:
+            return False
+        self._retries[index] += 1
+        _logger.warning(
+            '%s: %s: retry %d of %d',
+            self._works[index].name,
+            _failure_text(self._futures[index].exception()),
+            self._retries[index],
+            _MOST_RETRIES,
+        )
+        return True
 
     def _result(self, index: int) -> Result | ObstacleDetectionError:
         future, name = self._futures[index], self._works[index].name

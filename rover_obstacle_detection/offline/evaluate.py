@@ -178,6 +178,9 @@ def _one_by_one(
     stopped: Stopped,
 ) -> Iterator[_Ended]:
     for index, (path, name) in enumerate(zip(paths, scene_names(paths), strict=True)):
+        if stopped():
+            yield index, NothingDoneError(f'{path} is not evaluated')
+            continue
         progress = functools.partial(on_progress, index)
         result: Evaluation | ObstacleDetectionError
         try:

@@ -239,7 +239,9 @@ def test_recordings_are_evaluated_although_others_fail(tmp_path: Path) -> None:
 
 
 def test_recordings_that_are_done_are_kept_when_stopped(tmp_path: Path) -> None:
-    paths = [write_labelled(tmp_path / name) for name in ('first', 'second', 'third')]
+    paths = [write_labelled(tmp_path / name) for name in ('first', 'second')]
+    # Not opened: that it is not there would be another error.
+    paths.append(tmp_path / 'nowhere')
     progress = []
     evaluation, errors = evaluate_bags(
         paths,

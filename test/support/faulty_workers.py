@@ -1,7 +1,8 @@
 """Workers of a Dask cluster that wait or die at a bag, as its name says.
 
 `HELD`: waits after its second pair, until it is released. `DEADLY`: its worker dies after the
-first pair, always. `WRITTEN`: the first worker dies when it has written the results.
+first pair, always. `WRITTEN`: the first worker dies when it has written the results. `UNBEGUN`:
+its worker dies before it says that it begins, always.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ import signal
 
 from distributed import Event, Variable, WorkerPlugin
 
-from rover_obstacle_detection.offline import replay_jobs
+from rover_obstacle_detection.offline import cluster_worker, replay_jobs
 
-HELD, DEADLY, WRITTEN = 'held', 'deadly', 'written'
+HELD, DEADLY, WRITTEN, UNBEGUN = 'held', 'deadly', 'written', 'unbegun'
 WAIT_S = 120
 
 
@@ -25,6 +26,15 @@ class FaultyWorkers(WorkerPlugin):
 
     def setup(self, worker):
         replay_jobs.replay_bag = _Faulty(replay_jobs.replay_bag)
+        work_on = cluster_worker.work_on
+
+        def die_or_work(run, index, work):
+            if work.name.startswith(UNBEGUN):
+                die()
+            return work_on(run, index, work)
+
+        # The client sends its name only.
+        cluster_worker.work_on = die_or_work
 
 
 class _Faulty:
