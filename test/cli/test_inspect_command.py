@@ -365,7 +365,8 @@ def test_lost_images_do_not_change_the_tolerance(tmp_path, capsys):
         for index, each in enumerate(messages)
         if each.type_name == INFO or 'left' in each.topic or index % 8 == 2
     ]
-    (found,) = as_json(capsys, write_ros2(tmp_path / 'drive', kept))
+    # The images are random: no pair of them can be judged.
+    (found,) = as_json(capsys, write_ros2(tmp_path / 'drive', kept), status=1)
     (camera,) = found['cameras']
     assert camera['synchronisation']['approximate_sync_s'] == pytest.approx(0.002)
     assert camera['synchronisation']['median_gap_ms'] == pytest.approx(1.5)
