@@ -10,9 +10,9 @@ DEMO := demo
 # A sourced ROS takes precedence over the ROS wheels, which exist for Linux on x86-64 only.
 # Without either, the tests that need ROS are skipped.
 ifeq ($(ROS_DISTRO)$(shell uname -sm),Linux x86_64)
-EXTRAS ?= ros,test
+EXTRAS ?= ros,fast,test
 else
-EXTRAS ?= test
+EXTRAS ?= fast,test
 endif
 
 BIN := $(VENV)/bin
@@ -57,7 +57,7 @@ clean:
 
 $(VENV)/.installed: $(METADATA) | $(VENV)/.made
 	@echo 'Installing into $(VENV), about a minute ...'
-	@$(INSTALL) --editable .
+	@$(INSTALL) --editable '.[fast]'
 	@touch $@
 
 $(VENV)/.installed-$(EXTRAS): $(METADATA) | $(VENV)/.made

@@ -46,6 +46,8 @@ setup(
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
+        # Builds from 1.29 on send usage data to their maker.
+        'fast': ['onnxruntime>=1.17,<1.29'],
         'sim': ['mitsuba>=3.6'],
         'report': ['jinja2>=3', 'matplotlib>=3.6'],
         'cluster': ['distributed>=2024.1'],

@@ -30,7 +30,7 @@ def described_machine() -> str:
         f'{processor}, {len(os.sched_getaffinity(0))} of {os.cpu_count()} cores used, '
         f'{memory:.0f} GB; {platform.system()} {kernel()}; '
         f'Python {platform.python_version()}, NumPy {np.__version__}, '
-        f'OpenCV {cv2.__version__} with {cv2.getNumThreads()} threads, {ros()}; '
+        f'OpenCV {cv2.__version__} with {cv2.getNumThreads()} threads, {onnx_runtime()}, {ros()}; '
         f'load average {os.getloadavg()[0]:.1f} at the start'
     )
 
@@ -38,6 +38,14 @@ def described_machine() -> str:
 def kernel() -> str:
     """Return the version of the kernel without what a distributor adds to it."""
     return platform.release().partition('-')[0]
+
+
+def onnx_runtime() -> str:
+    """Return the version of ONNX Runtime."""
+    try:
+        return f'ONNX Runtime {metadata.version("onnxruntime")}'
+    except metadata.PackageNotFoundError:
+        return 'no ONNX Runtime'
 
 
 def ros() -> str:

@@ -35,7 +35,8 @@ LAYERS = {
     'applications': ('node', 'offline', 'tuning', 'cli'),
 }
 IN_ORDER = tuple(package for layer in LAYERS.values() for package in layer)
-CORE_LIBRARIES = {'numpy', 'cv2'}
+# ONNX Runtime is optional.
+CORE_LIBRARIES = {'numpy', 'cv2', 'onnxruntime'}
 FILES = sorted(each.relative_to(ROOT) for each in ROOT.rglob('*.py'))
 ENTRY_POINTS = {'__init__': {'detection'}, '__main__': {'program'}, 'program': set()}
 
@@ -114,6 +115,6 @@ def test_only_the_node_imports_ros() -> None:
     assert importing == {'node'}
 
 
-def test_core_imports_only_numpy_and_opencv() -> None:
+def test_core_imports_only_numpy_opencv_and_onnx_runtime() -> None:
     core = [file for file in FILES if package_of(file) == 'detection']
     assert set().union(*(libraries(imports_of(file)) for file in core)) == CORE_LIBRARIES

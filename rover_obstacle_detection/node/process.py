@@ -72,7 +72,7 @@ def ros(ros_arguments: Sequence[str]) -> Iterator[str | None]:
     except ImportError as error:
         msg = (
             f'rclpy is not installed ({error}): source your ROS 2 installation, or '
-            "pip install '.[ros]' in this package's source folder"
+            "pip install '.[ros,fast]' in this package's source folder"
         )
         raise MissingExtraError(msg) from error
     arguments = ['--ros-args', *ros_arguments] if ros_arguments else []

@@ -15,6 +15,10 @@ from live_graph import ROOT, LiveGraph, Process, Topic, live_graph, write_stereo
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.cli.main import main
+from rover_obstacle_detection.detection.rocks.inference import (
+    WITHOUT_ONNX_RUNTIME,
+    has_onnx_runtime,
+)
 from rover_obstacle_detection.messages.header import stamp_ns
 
 BAG = ROOT / 'bags' / 'mars_yard'
@@ -93,6 +97,8 @@ def test_node_and_replay_publish_identical_messages(
             else:
                 assert (message.width, message.height) == (expected.width, expected.height)
             assert bytes(message.data) == bytes(expected.data)
+    # This is the live test that also runs without ONNX Runtime.
+    assert (WITHOUT_ONNX_RUNTIME in node.output) != has_onnx_runtime()
 
 
 @pytest.fixture(scope='module')

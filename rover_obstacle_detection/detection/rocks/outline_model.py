@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
-import threading
+import os
 from functools import lru_cache
 from importlib import resources
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.rocks.inference import load_inference
 from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES, FEATURES_VERSION
 from rover_obstacle_detection.detection.rocks.windows import BLOCK_PX
@@ -56,9 +57,7 @@ class OutlineModel:
                 f'{FEATURES_VERSION}; train it again with scripts/train_outlines.py'
             )
             raise ModelError(msg)
-        self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
-        # OpenCV's net holds the input and intermediate results: one call at a time.
-        self._lock = threading.Lock()
+        self._inference = load_inference(data)
 
     def probability(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return how likely each pixel is on an obstacle that stands up.
@@ -94,9 +93,7 @@ class OutlineModel:
 
     def _run(self, features: NDArray[np.float32], logit: NDArray[np.float32]) -> None:
         """Fill in the logit of each pixel; rows and columns are multiples of a block."""
-        with self._lock:
-            self._net.setInput(np.ascontiguousarray(features[np.newaxis]))
-            planes = self._net.forward()[0].copy()
+        planes = self._inference.run(features)
         # The logits of each square of pixels, row by row.
         side = math.isqrt(len(planes))
         for number, plane in enumerate(planes):
@@ -107,3 +104,15 @@ class OutlineModel:
 def outline_model() -> OutlineModel:
     """Load the model that comes with the package, once."""
     return OutlineModel()
+
+
+def _load_again() -> None:
+    """Forget the model in a forked process, which inherits it without its threads."""
+    if outline_model.cache_info().currsize:
+        # Never freed, not even at exit: that would wait for the threads.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(outline_model()))
+    outline_model.cache_clear()
+
+
+if hasattr(os, 'register_at_fork'):
+    os.register_at_fork(after_in_child=_load_again)

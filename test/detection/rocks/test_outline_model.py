@@ -90,18 +90,15 @@ def test_tall_windows_give_the_same_in_two_halves(monkeypatch, rows):
 
 @pytest.mark.parametrize('side', [2, 4])
 def test_logits_of_squares_of_pixels_are_put_in_their_places(side):
-    class Net:
-        def setInput(self, given):  # noqa: N802
-            pass
-
-        def forward(self):
+    class Squares:
+        def run(self, given):
             planes = expected.reshape(32 // side, side, 48 // side, side)
-            return planes.transpose(1, 3, 0, 2).reshape(1, side**2, 32 // side, 48 // side)
+            return planes.transpose(1, 3, 0, 2).reshape(side**2, 32 // side, 48 // side)
 
     expected = np.linspace(0.1, 0.9, 32 * 48).reshape(32, 48).astype(np.float32)
     model = OutlineModel()
     logit = np.empty((32, 48), np.float32)
-    model._net = Net()
+    model._inference = Squares()
     model._run(random_features(32, 48), logit)
     np.testing.assert_array_equal(logit, expected)
 
