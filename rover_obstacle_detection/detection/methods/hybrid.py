@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
 from rover_obstacle_detection.detection.result.enlarged import enlarged
 from rover_obstacle_detection.detection.result.left_image import in_left_image
-from rover_obstacle_detection.detection.result.specks import combined_cues
+from rover_obstacle_detection.detection.result.specks import around, combined_cues
 from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.detection.stereo.matching import Stereo
@@ -50,9 +50,10 @@ def detect_hybrid(
         If the pair says nothing about the ground, or contradicts itself.
     """
     p, full = parameters, frame
-    frame, correction, stereo, terrain, brims, plain, warnings = measure(full, p, finished, stages)
-    steep = stages.slope(terrain, stereo.ground, p.terrain)
-    dropped = stages.drop(terrain, stereo.ground, p.terrain)
+    measured = measure(full, p, finished, stages)
+    frame, correction, stereo, terrain, brims, sparse, warnings = measured
+    steep, maybe_steep = stages.slope(terrain, stereo.ground, p.terrain)
+    dropped, maybe_dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.
@@ -79,7 +80,11 @@ def detect_hybrid(
     if not stereo.ground.measured:
         # Nothing in view can be ground, so all that is seen stands in the way.
         found[Cue.SLOPE] = terrain.measured
-    detection = decided(found, ~(brims.beyond() | plain), stereo, terrain, rocks, p)
+    # The ground may fall with a brim from as far as slopes are smoothed beyond its edge.
+    doubtful = sparse | brims.beyond() | brims.edge(p.terrain.brims, 2)
+    doubtful |= maybe_steep | maybe_dropped
+    doubtful |= rocks.possible(p.rocks)
+    detection = decided(found, ~doubtful, stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
     detection = enlarged(in_left_image(detection, frame), full)
     finished('mask')
@@ -117,6 +122,7 @@ def decided(
     # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
     known = level_heights_known(terrain, parameters.terrain)
     known &= may_be_free & stereo.ground.measured
+    known &= ~around(mask, parameters.result.outline_px)
     known |= mask == OBSTACLE
     if rover_mask is not None:
         known &= ~rover_mask

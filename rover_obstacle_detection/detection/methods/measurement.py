@@ -41,7 +41,7 @@ from rover_obstacle_detection.detection.stereo.matching import (
 )
 from rover_obstacle_detection.detection.stereo.pair_check import check_pair
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
-from rover_obstacle_detection.detection.stereo.support import measure_support
+from rover_obstacle_detection.detection.stereo.support import measure_support, sparse_areas
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
 from rover_obstacle_detection.detection.terrain.brims import Brims
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
@@ -66,8 +66,9 @@ class Measurement(NamedTuple):
         Likewise.
     brims : Brims
         Likewise.
-    plain : ndarray of bool, shape (height, width)
-        Areas without texture: see `Support`.
+    sparse : ndarray of bool, shape (height, width)
+        Areas without texture, or with too little for matches to be trusted: see `Support` and
+        `sparse_areas`.
     warnings : tuple of str
     """
 
@@ -76,7 +77,7 @@ class Measurement(NamedTuple):
     stereo: Stereo
     terrain: Terrain
     brims: Brims
-    plain: Mask
+    sparse: Mask
     warnings: tuple[str, ...] = ()
 
 
@@ -119,7 +120,7 @@ def measure(
     straight = correction.straightened(frame)
     finished('noise')
     stereo = match(straight, coarse, correction, ground, noise_share, p, stages, finished)
-    stereo, plain, warnings = supported(stereo, (left_noise, right_noise), p)
+    stereo, sparse, warnings = supported(stereo, (left_noise, right_noise), p)
     stereo = within_range(stereo, p.stereo.min_range_m, p.terrain.max_range_m)
     if not ground.measured and frame.gravity is None:
         # Images that do not belong together may seem to show ground anywhere.
@@ -136,7 +137,7 @@ def measure(
         up = stages.vertical(before, ground, p.terrain)
         stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
-    return Measurement(frame, correction, stereo, terrain, brims, plain, doubts + warnings)
+    return Measurement(frame, correction, stereo, terrain, brims, sparse, doubts + warnings)
 
 
 def match_coarsely(
@@ -276,4 +277,5 @@ def supported(
     matched_share = np.count_nonzero(support.supported & visible) / max(1, visible.sum())
     warnings = check_pair(frame.pair, support, matched_share, p)
     disparity = np.where(support.supported, stereo.disparity, np.float32(0))
-    return replace(stereo, disparity=disparity), support.plain, warnings
+    sparse = support.plain | sparse_areas(support.supported, visible, p)
+    return replace(stereo, disparity=disparity), sparse, warnings

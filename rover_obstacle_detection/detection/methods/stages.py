@@ -31,11 +31,11 @@ from rover_obstacle_detection.detection.terrain.brims import Brims, find_brims
 from rover_obstacle_detection.detection.terrain.hazards import dropping_ground, steep_ground
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.reflections import without_reflections
+from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.survey import survey
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 from rover_obstacle_detection.detection.terrain.vertical import estimate_vertical
 
-Mask = NDArray[np.bool_]
 Image = NDArray[np.float32]
 Vector = tuple[float, float, float]
 
@@ -58,8 +58,8 @@ class HybridStages:
     vertical: Callable[[Sequence[Layer], GroundPlane, TerrainParameters], Vector] = (
         estimate_vertical
     )
-    slope: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = steep_ground
-    drop: Callable[[Terrain, GroundPlane, TerrainParameters], Mask] = dropping_ground
+    slope: Callable[[Terrain, GroundPlane, TerrainParameters], Hazard] = steep_ground
+    drop: Callable[[Terrain, GroundPlane, TerrainParameters], Hazard] = dropping_ground
     outlines: Draw = network_outlines
     doubt: Callable[[Detection], Detection] = without_doubtful
 

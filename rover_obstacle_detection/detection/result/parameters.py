@@ -31,6 +31,9 @@ class ResultParameters:
         tuning scenes.
     min_obstacle_px : int
         Pixels below which an obstacle is a speck. Tuned on the tuning scenes.
+    outline_px : int
+        Distance from an obstacle to the nearest free pixels. Derived: matching knows an outline to
+        half a block, and to a pixel.
     tail_share : float
         Share of an obstacle's points at either end that its box leaves out. Derived: one false
         match would make a box as deep as the scene.
@@ -71,6 +74,7 @@ class ResultParameters:
     grid_extent_m: float = 10.0
     speck_share: float = 0.0025
     min_obstacle_px: int = 12
+    outline_px: int = 2
     tail_share: float = 0.02
     rim_reach_px: int = 8
     rim_share: float = 0.7

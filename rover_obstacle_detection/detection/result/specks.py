@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,6 +38,13 @@ def combined_cues(
         obstacle &= ~rover_mask
     cues *= obstacle
     return cues, obstacle * np.uint8(OBSTACLE)
+
+
+def around(mask: NDArray[np.uint8], reach_px: int) -> NDArray[np.bool_]:
+    """Mark the pixels within reach of an obstacle, with the obstacle itself."""
+    size = 2 * reach_px + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.dilate(mask, kernel) > 0)
 
 
 def without_doubtful(detection: Detection) -> Detection:

@@ -26,6 +26,8 @@ class RockParameters:
         standard deviations.
     candidate_share, candidate_noises : float
         The same for the core of a part that the network is asked about.
+    free_probability : float
+        Network output from which a pixel is not free, whether or not it is an obstacle.
     min_core_pixels : int
         Pixels of a core.
     top_share : float
@@ -82,6 +84,7 @@ class RockParameters:
     foot_noises: float = 1.0
     candidate_share: float = 0.6
     candidate_noises: float = 2.5
+    free_probability: float = 0.1
     min_core_pixels: int = 3
     top_share: float = 0.1
     unmeasured_px: int = 9

@@ -40,6 +40,11 @@ class Rocks:
     high: NDArray[np.bool_]
     probability: Image
 
+    def possible(self, parameters: RockParameters) -> NDArray[np.bool_]:
+        """Mark the pixels that the network does not rule out."""
+        with np.errstate(invalid='ignore'):
+            return np.asarray(self.probability >= parameters.free_probability)
+
 
 def network_outlines(
     stereo: Stereo,

@@ -112,6 +112,29 @@ def measure_support(
     )
 
 
+def sparse_areas(supported: Mask, visible: Mask, parameters: SupportParameters) -> Mask:
+    """Find where many pixels are not supported, so that chance may support the others.
+
+    It does where texture lies below the noise, as in black shadow.
+
+    Parameters
+    ----------
+    supported : ndarray of bool, shape (height, width)
+    visible : ndarray of bool, shape (height, width)
+        Pixels that should have a match.
+    parameters : SupportParameters
+    """
+    window = (parameters.wide_window_px,) * 2
+
+    def count(mask: Mask) -> Image:
+        counted = cv2.boxFilter(mask.view(np.uint8), cv2.CV_32F, window, normalize=False)
+        return np.asarray(counted, np.float32)
+
+    least = count(visible)
+    least *= np.float32(parameters.min_dense_share)
+    return np.asarray(count(supported & visible) < least)
+
+
 class _View(NamedTuple):
     """A part of the left image, and the right image."""
 

@@ -67,8 +67,15 @@ class Brims:
             edge_rows=self.edge_rows[kept],
         )
 
-    def edge(self, parameters: BrimParameters) -> Mask:
-        """Mark the last of the ground before each sure brim, shape (height, width)."""
+    def edge(self, parameters: BrimParameters, lengths: int = 1) -> Mask:
+        """Mark the last of the ground before each sure brim, shape (height, width).
+
+        Parameters
+        ----------
+        parameters : BrimParameters
+        lengths : int
+            How many times ``edge_m`` of the ground is marked.
+        """
         sure, blur = self.sure, parameters.blur_px
         height, width = self.surface.height_m.shape
         if not sure.any():
@@ -77,7 +84,7 @@ class Brims:
         change = np.zeros((height + 1, width), np.int16)
         rows, columns = self.rows[sure], self.columns[sure]
         np.add.at(change, (np.maximum(rows - blur, 0), columns), 1)
-        after = np.minimum(rows + self.edge_rows[sure] + 1, len(change) - 1)
+        after = np.minimum(rows + lengths * self.edge_rows[sure] + 1, len(change) - 1)
         np.add.at(change, (after, columns), -1)
         return np.asarray(np.cumsum(change[:-1], axis=0, dtype=np.int16) > 0)
 

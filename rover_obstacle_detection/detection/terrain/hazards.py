@@ -19,7 +19,8 @@ from rover_obstacle_detection.detection.terrain.gradient import ground_height, g
 from rover_obstacle_detection.detection.terrain.local_ground import smoothed
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.slope import (
-    dropped_cells,
+    Hazard,
+    hollow_depth,
     level_heights,
     steep_cells,
 )
@@ -28,7 +29,7 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 Mask = NDArray[np.bool_]
 
 
-def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
+def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
     """Find the pixels of ground that is steeper than the rover can climb.
 
     Parameters
@@ -38,18 +39,24 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
         With the vertical that slopes are measured against.
     parameters : TerrainParameters
     """
+    p = parameters
 
-    def steep(layer: Layer) -> Mask:
-        cells = steep_cells(ground_rise(layer, parameters), ground, parameters)
+    def steep(layer: Layer) -> Hazard:
+        found, possible = steep_cells(ground_rise(layer, p), ground, p)
+        if not found.any():
+            return Hazard(found, possible)
         # A face is a cell or two wide, and smoothing takes its edges.
-        size = max(1, round(2 * parameters.slope_margin_m / layer.positions.cell_m)) | 1
-        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-        return np.asarray(cv2.dilate(cells.astype(np.uint8), kernel) > 0)
+        cell_m = layer.positions.cell_m
+        margin_m = p.slope_margin_m
+        around = _dilated(found, (margin_m + p.rise_scales_m[0]) / cell_m)
+        return Hazard(_dilated(found, margin_m / cell_m), possible | around)
 
-    return _pixels_of_cells(terrain, steep) & _quiet(terrain, parameters)
+    return _on_pixels(terrain, steep, p)
 
 
-def dropping_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
+def dropping_ground(
+    terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters
+) -> Hazard:
     """Find the pixels of ground that lies deeper below its rim than the rover can step.
 
     Parameters
@@ -59,15 +66,17 @@ def dropping_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainPa
         With the vertical.
     parameters : TerrainParameters
     """
+    p = parameters
 
-    def dropped(layer: Layer) -> Mask:
+    def dropped(layer: Layer) -> Hazard:
         cell_m = layer.positions.cell_m
-        height_m, noise_m = ground_height(layer, parameters)
-        max_drop_m = parameters.max_step_m + parameters.drop_noises * noise_m
-        upright_m = level_heights(height_m, cell_m, ground)
-        return dropped_cells(upright_m, layer.seen, cell_m, max_drop_m, parameters)
+        height_m, noise_m = ground_height(layer, p)
+        depth_m = hollow_depth(level_heights(height_m, cell_m, ground), layer.seen, cell_m, p)
+        found = depth_m > p.max_step_m + p.drop_noises * noise_m
+        possible = depth_m > np.maximum(p.max_step_m - p.free_noises * noise_m, p.min_hollow_m)
+        return Hazard(np.asarray(found), np.asarray(possible))
 
-    return _pixels_of_cells(terrain, dropped) & _quiet(terrain, parameters)
+    return _on_pixels(terrain, dropped, p)
 
 
 def rough_ground(terrain: Terrain, obstacles: Mask, parameters: TerrainParameters) -> Mask:
@@ -104,7 +113,10 @@ def rough_ground(terrain: Terrain, obstacles: Mask, parameters: TerrainParameter
         square = smoothed(mean * present, sigma) / np.maximum(smoothed(present, sigma), 1e-3)
         return np.asarray(square > limit_m**2)
 
-    return _pixels_of_cells(terrain, rough) & usable
+    found = np.zeros_like(usable)
+    for layer in terrain.layers:
+        _fill(found, layer, rough(layer))
+    return found & usable
 
 
 def known_heights(terrain: Terrain, parameters: TerrainParameters) -> Mask:
@@ -152,11 +164,24 @@ def _quiet(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     return np.asarray(terrain.noise_m < limit_m)
 
 
-def _pixels_of_cells(terrain: Terrain, marked: Callable[[Layer], Mask]) -> Mask:
-    """Pixels of the cells that are marked in any layer."""
-    found = np.zeros(terrain.height_m.shape, np.bool_)
+def _dilated(cells: Mask, radius: float) -> Mask:
+    size = max(1, round(2 * radius)) | 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.dilate(cells.view(np.uint8), kernel) > 0)
+
+
+def _on_pixels(
+    terrain: Terrain, judge: Callable[[Layer], Hazard], parameters: TerrainParameters
+) -> Hazard:
+    """Pixels of the cells of a hazard. Only where noise is low is it found."""
+    found, possible = (np.zeros(terrain.height_m.shape, np.bool_) for _ in range(2))
     for layer in terrain.layers:
-        cells = marked(layer)
-        if cells.any():
-            layer.fill(found, layer.sampled(cells.astype(np.float32)) > 0.5)
-    return found
+        for pixels, cells in zip((found, possible), judge(layer), strict=True):
+            _fill(pixels, layer, cells)
+    return Hazard(found & _quiet(terrain, parameters), possible)
+
+
+def _fill(pixels: Mask, layer: Layer, cells: Mask) -> None:
+    """Mark the pixels within a layer's span that lie in marked cells."""
+    if cells.any():
+        layer.fill(pixels, layer.sampled(cells.astype(np.float32)) > 0.5)

@@ -233,6 +233,9 @@ class TerrainParameters:
         Rises with more noise are ignored.
     lost_slope_deg : float
         Slope that smoothing removes where a slope begins and ends.
+    free_noises : float
+        Standard deviations, of the rise or of the height, by which a slope or a hollow must stay
+        within the limit to be free. Derived: the usual two.
     steep_share : float
         Least share of a slope's cells that are too steep.
     slope_margin_m : float
@@ -246,6 +249,9 @@ class TerrainParameters:
         Share of a pixel's noise that is common to all pixels around it.
     max_hollow_m : float
         Hollows that are wider are terrain, not drops.
+    min_hollow_m : float
+        Hollows that are shallower are free, however great the noise. Derived: relief of driveable
+        ground.
     hollow_cells : int
         Cells across that width in which drops are searched.
     drop_noises : float
@@ -307,12 +313,14 @@ class TerrainParameters:
     tolerated_rise_noise_deg: float = 3.0
     max_rise_noise_deg: float = 20.0
     lost_slope_deg: float = 2.5
+    free_noises: float = 2.0
     steep_share: float = 0.4
     slope_margin_m: float = 0.06
     min_scale_cells: float = 0.6
     drop_scale_m: float = 0.10
     common_noise_share: float = 0.5
     max_hollow_m: float = 1.8
+    min_hollow_m: float = 0.03
     hollow_cells: int = 20
     drop_noises: float = 3.0
     roughness_scale_m: float = 0.25

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,10 +14,25 @@ from rover_obstacle_detection.detection.terrain.elevation_map import Grid, groun
 from rover_obstacle_detection.detection.terrain.gradient import Rise
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
+Mask = NDArray[np.bool_]
 
-def steep_cells(
-    rise: Rise, ground: GroundPlane, parameters: TerrainParameters
-) -> NDArray[np.bool_]:
+
+class Hazard(NamedTuple):
+    """Where the ground is a hazard, and where it may be one.
+
+    Parameters
+    ----------
+    found : ndarray of bool
+        Cells or pixels of the hazard.
+    possible : ndarray of bool, same shape
+        Those where it cannot be ruled out.
+    """
+
+    found: Mask
+    possible: Mask
+
+
+def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
     """Find the cells that are steeper against the horizontal than the rover can climb.
 
     Parameters
@@ -31,7 +47,7 @@ def steep_cells(
     -----
     Smoothing removes a few degrees where a slope begins and ends. So connected cells that are
     almost too steep belong to the slope as well, if enough of the whole is too steep. Cells with
-    too noisy a rise do not count.
+    too noisy a rise do not count. Beyond both errors, smoothing and noise, a slope is ruled out.
     """
     right, forward = ground_axes(ground)
     up, normal = np.asarray(ground.up), np.asarray(ground.normal)
@@ -39,20 +55,22 @@ def steep_cells(
     upward = (
         float(normal @ up) - float(right @ up) * rise.right - float(forward @ up) * rise.forward
     )
-    length = np.sqrt(1 + rise.right * rise.right + rise.forward * rise.forward)
+    upward /= np.sqrt(1 + rise.right * rise.right + rise.forward * rise.forward)
     known = rise.noise < math.tan(math.radians(parameters.max_rise_noise_deg))
-    limit_deg = parameters.max_slope_deg
-    steep = (upward < math.cos(math.radians(limit_deg)) * length) & known
+    limit = math.radians(parameters.max_slope_deg)
+    nearly = max(limit - math.radians(parameters.lost_slope_deg), 0)
+    sure = nearly - parameters.free_noises * np.arctan(rise.noise)
+    possible = np.asarray((upward < np.cos(sure)) | (sure <= 0))
+    steep = (upward < math.cos(limit)) & known
     if not steep.any():
-        return np.asarray(steep)
-    nearly_deg = max(limit_deg - parameters.lost_slope_deg, 0)
-    nearly = (upward < math.cos(math.radians(nearly_deg)) * length) & known
-    count, labels = cv2.connectedComponents(nearly.astype(np.uint8), connectivity=8)
+        return Hazard(np.asarray(steep), possible)
+    almost = (upward < math.cos(nearly)) & known
+    count, labels = cv2.connectedComponents(almost.astype(np.uint8), connectivity=8)
     whole = np.bincount(labels.ravel(), minlength=count)
     part = np.bincount(labels[steep], minlength=count)
     kept = part >= parameters.steep_share * whole
     kept[0] = False
-    return np.asarray(steep | kept[labels])
+    return Hazard(np.asarray(steep | kept[labels]), possible)
 
 
 def level_heights(relief_m: Grid, cell_m: float, ground: GroundPlane) -> Grid:
@@ -78,14 +96,8 @@ def level_heights(relief_m: Grid, cell_m: float, ground: GroundPlane) -> Grid:
     return np.asarray(relief_m * upright + across_m + along_m[:, np.newaxis], np.float32)
 
 
-def dropped_cells(
-    height_m: Grid,
-    seen: NDArray[np.bool_],
-    cell_m: float,
-    max_drop_m: float | Grid,
-    parameters: TerrainParameters,
-) -> NDArray[np.bool_]:
-    """Find the cells that lie deeper below their rim than the rover can step.
+def hollow_depth(height_m: Grid, seen: Mask, cell_m: float, parameters: TerrainParameters) -> Grid:
+    """Measure how deep each cell lies below the rim around it.
 
     Parameters
     ----------
@@ -95,8 +107,12 @@ def dropped_cells(
         Measured cells: only those can be a rim.
     cell_m : float
         Side of a cell, metres.
-    max_drop_m : float or ndarray of float32, shape (rows, columns)
     parameters : TerrainParameters
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns)
+        Metres; 0 in cells that are not seen.
 
     Notes
     -----
@@ -117,4 +133,4 @@ def dropped_cells(
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
     rim = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel)[size:-size, size:-size]
     depth_m = cv2.resize(rim, (columns, rows), interpolation=cv2.INTER_NEAREST) - height_m
-    return np.asarray((depth_m > max_drop_m) & seen)
+    return np.where(seen, depth_m, np.float32(0))

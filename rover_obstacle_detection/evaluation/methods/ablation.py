@@ -38,6 +38,7 @@ from rover_obstacle_detection.detection.stereo.parameters import StereoParameter
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
 from rover_obstacle_detection.detection.terrain.brims import Brims, find_brims
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.survey import layer_spans, survey_layers
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 
@@ -119,9 +120,10 @@ def _vertical_of_plane(
     return ground.up
 
 
-def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Mask:
+def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
     """Find no impassable ground."""
-    return np.zeros(terrain.height_m.shape, np.bool_)
+    nothing = np.zeros(terrain.height_m.shape, np.bool_)
+    return Hazard(nothing, nothing)
 
 
 def _outlines_by_height(

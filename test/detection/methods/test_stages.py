@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
+import cv2
 import numpy as np
 import pytest
 from synthetic import Box, Dome, mast, render
@@ -11,6 +12,7 @@ from synthetic import Box, Dome, mast, render
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.terrain.slope import Hazard
 
 SCENE = mast(solids=(Box(0.35, 1.4, 0.25, 0.25, 0.22), Dome(-0.3, 1.0, 0.2)), solid_brightness=0.3)
 NAMES = [each.name for each in fields(HybridStages)]
@@ -46,9 +48,17 @@ def test_known_gravity_is_not_estimated():
         detect(stages)
 
 
-def everywhere(first, *others):
-    shape = first.height_m.shape if hasattr(first, 'height_m') else first.shape
-    return np.ones(shape, np.bool_)
+def everywhere(terrain, *others):
+    all_ = np.ones(terrain.height_m.shape, np.bool_)
+    return Hazard(all_, all_)
+
+
+def possible_everywhere(terrain, *others):
+    none, all_ = (
+        np.zeros(terrain.height_m.shape, np.bool_),
+        np.ones(terrain.height_m.shape, np.bool_),
+    )
+    return Hazard(none, all_)
 
 
 @pytest.mark.parametrize(('name', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP)])
@@ -56,6 +66,32 @@ def test_pixels_that_a_stage_finds_have_its_cue(name, cue):
     found = detect(replace(HYBRID_STAGES, **{name: everywhere}))
     assert ((found.cues & cue) > 0).all()
     assert (found.mask > 0).all()
+
+
+@pytest.mark.parametrize('name', ['slope', 'drop'])
+def test_where_a_hazard_is_possible_nothing_is_free(name):
+    plain = detect(HYBRID_STAGES)
+    assert (plain.known & (plain.mask == 0)).any()
+    found = detect(replace(HYBRID_STAGES, **{name: possible_everywhere}))
+    np.testing.assert_array_equal(found.known, found.mask > 0)
+
+
+@pytest.mark.parametrize(('probability', 'free'), [(0.09, True), (0.11, False)])
+def test_what_the_network_does_not_rule_out_is_not_free(probability, free):
+    def drawn(stereo, terrain, standing, window, parameters):
+        return np.full(standing.parts[window].shape, probability, np.float32)
+
+    found = detect(replace(HYBRID_STAGES, outlines=drawn))
+    asked = np.isfinite(found.rock_probability) & (found.rock_probability < 1)
+    assert asked.any()
+    assert (found.known & (found.mask == 0))[asked].any() == free
+
+
+def test_nothing_free_touches_an_obstacle():
+    found = detect(HYBRID_STAGES)
+    beside = cv2.dilate(found.mask, np.ones((3, 3), np.uint8)) > 0
+    assert found.mask.any()
+    assert not (found.known & (found.mask == 0) & beside).any()
 
 
 def test_outlines_are_those_that_are_drawn():

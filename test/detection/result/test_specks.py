@@ -12,7 +12,11 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE
-from rover_obstacle_detection.detection.result.specks import combined_cues, without_doubtful
+from rover_obstacle_detection.detection.result.specks import (
+    around,
+    combined_cues,
+    without_doubtful,
+)
 
 ROCK, SPECK, SLOPE = np.s_[32:44, 30:44], np.s_[12:14, 10:13], np.s_[2:10, 4:60]
 SHAPE = (48, 64)
@@ -33,6 +37,16 @@ def test_cues_of_an_obstacle_add_up():
     np.testing.assert_array_equal(cues, expected)
     np.testing.assert_array_equal(mask, np.where(expected, OBSTACLE, FREE))
     assert mask.dtype == np.uint8
+
+
+def test_surroundings_of_an_obstacle_are_a_disc():
+    mask = np.zeros((9, 9), np.uint8)
+    mask[4, 4] = OBSTACLE
+    rows, columns = np.mgrid[:9, :9]
+    found = around(mask, 2)
+    squared_px = (rows - 4) ** 2 + (columns - 4) ** 2
+    assert found[squared_px <= 4].all()
+    assert not found[squared_px > 5].any()
 
 
 def test_specks_are_no_obstacles():

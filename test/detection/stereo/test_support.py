@@ -13,7 +13,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
 from rover_obstacle_detection.detection.stereo.parameters import SupportParameters
-from rover_obstacle_detection.detection.stereo.support import measure_support
+from rover_obstacle_detection.detection.stereo.support import measure_support, sparse_areas
 
 CAMERA = StereoCamera(240, 180, 150.0, 150.0, 119.5, 89.5, 0.1)
 PARAMETERS = SupportParameters()
@@ -238,3 +238,22 @@ def test_the_same_image_twice_is_the_same(noise, least):
     left = waves.as_image(pair()[0].astype(float))
     twin = waves.as_image(left.astype(float), noise, seed=6)
     assert measured((left, twin)).same_share >= least
+
+
+def test_areas_with_few_supported_pixels_are_sparse():
+    generator = np.random.default_rng(0)
+    shape = 60, 120
+    visible = np.ones(shape, np.bool_)
+    share = np.where(np.arange(120) < 60, 0.6, 0.97)
+    supported = generator.random(shape) < share
+    sparse = sparse_areas(supported, visible, SupportParameters())
+    assert sparse[:, :45].all()
+    assert not sparse[:, 75:].any()
+
+
+def test_what_cannot_be_visible_makes_no_area_sparse():
+    supported = np.zeros((60, 120), np.bool_)
+    supported[:, 40:] = True
+    visible = np.ones_like(supported)
+    assert sparse_areas(supported, visible, SupportParameters())[:, 30:38].all()
+    assert not sparse_areas(supported, supported, SupportParameters())[:, 40:].any()

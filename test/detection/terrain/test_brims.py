@@ -100,6 +100,14 @@ def test_noise_hides_a_brim():
     assert not Found(edge(0.2), noise_px=1.0).columns.size
 
 
+def test_twice_the_edge_may_be_marked():
+    found = Found(edge())
+    twice = found.brims.edge(found.parameters.brims, 2)
+    assert twice[found.edge].all()
+    before_m = 2 - found.y[twice & (found.y < 2)]
+    assert 0.2 < before_m.max() < 0.35
+
+
 def test_the_ground_within_a_wheels_reach_before_a_brim_is_its_edge():
     found = Found(edge())
     before_m = np.where(found.edge, 2 - found.y, np.nan)[found.y < 2]

@@ -23,14 +23,20 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 POSED = PosedCamera(pitch_deg=40.0, height_m=1.5)
 
 
-def surveyed(height, ground=POSED.level_ground, noise_px=0.02, **parameters):
+def judged(height, ground=POSED.level_ground, noise_px=0.02, **parameters):
     """Steep and dropping ground, and the measured x and y of each pixel."""
     parameters = replace(PARAMETERS, **parameters)
     terrain, _, x, y = POSED.survey(height, noise_px, ground, parameters)
     steep = steep_ground(terrain, ground, parameters)
     dropped = dropping_ground(terrain, ground, parameters)
-    assert not (steep | dropped)[~terrain.measured].any()
+    assert not (steep.found | dropped.found)[~terrain.measured].any()
     return steep, dropped, *(np.where(terrain.measured, place, np.nan) for place in (x, y))
+
+
+def surveyed(*args, **options):
+    """The same, only what is found."""
+    steep, dropped, x, y = judged(*args, **options)
+    return steep.found, dropped.found, x, y
 
 
 @pytest.mark.parametrize('limit', [2, 5, 20])
@@ -93,6 +99,42 @@ def test_pit_drops_away(depth, found):
 def test_pit_may_be_as_deep_as_a_step():
     _, dropped, *_ = surveyed(block(0.0, 2.0, 0.8, -0.3), max_step_m=0.4)
     assert not dropped.any()
+
+
+def test_flat_ground_is_possibly_neither():
+    steep, dropped, _, y = judged(flat)
+    assert not steep.possible[y < 5].any()
+    assert not dropped.possible[y < 5].any()
+
+
+@pytest.mark.parametrize(('angle', 'possible'), [(12, 0), (19, 1)])
+def test_slope_just_below_the_limit_is_possible(angle, possible):
+    steep, _, _, y = judged(bank(angle, 2.0))
+    assert not steep.found.any()
+    assert steep.possible[(y > 2.5) & (y < 4)].mean() == pytest.approx(possible, abs=0.02)
+
+
+def test_slope_is_possible_as_far_beside_it_as_it_is_smoothed():
+    steep, _, _, y = judged(bank(30, 2.0))
+    before_m = np.where(steep.found, np.nan, 2.0 - y)
+    beside = before_m[steep.possible & (y < 2)]
+    assert 0.1 < np.nanmax(beside) < 0.4
+    assert steep.possible[steep.found].all()
+
+
+@pytest.mark.parametrize(
+    ('depth', 'noise_px', 'possible'), [(0.05, 0.02, 0), (0.08, 0.02, 0), (0.08, 0.2, 1)]
+)
+def test_hollow_is_possible_within_two_deviations_of_noise(depth, noise_px, possible):
+    _, dropped, x, y = judged(block(0.0, 2.0, 0.8, -depth), noise_px=noise_px)
+    inner = np.maximum(abs(x), abs(y - 2)) < 0.3
+    assert not dropped.found[inner].any()
+    assert dropped.possible[inner].mean() == pytest.approx(possible, abs=0.1)
+
+
+def test_hollow_shallower_than_relief_is_ruled_out_whatever_the_noise():
+    _, dropped, *_ = judged(block(0.0, 2.0, 0.8, -0.02), noise_px=0.3)
+    assert not dropped.possible.any()
 
 
 @pytest.mark.parametrize('height', [bank(26, 2.0), block(0.0, 2.0, 0.8, -0.3)])

@@ -11,7 +11,7 @@ from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain.gradient import Rise
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.slope import (
-    dropped_cells,
+    hollow_depth,
     level_heights,
     steep_cells,
 )
@@ -45,7 +45,7 @@ def rise_of(relief, noise=0.0):
 
 def steep(relief, plane, limit=20.0, noise=0.0):
     parameters = replace(PARAMETERS, max_slope_deg=limit)
-    inner = steep_cells(rise_of(relief, noise), plane, parameters)[INNER]
+    inner = steep_cells(rise_of(relief, noise), plane, parameters).found[INNER]
     assert inner.shape == relief[INNER].shape
     assert inner.all() or not inner.any()
     return bool(inner.all())
@@ -101,11 +101,25 @@ def test_too_noisy_rise_is_no_slope():
     assert not steep(ramp(30), ground(), noise=0.5)
 
 
+@pytest.mark.parametrize('noise_deg', [0.0, 2.0, 5.0])
+def test_slope_is_possible_within_smoothing_and_two_deviations_of_noise(noise_deg):
+    noise = math.tan(math.radians(noise_deg))
+    below = 20 - PARAMETERS.lost_slope_deg - 2 * noise_deg
+    for angle, possible in ((below - 0.5, False), (below + 0.5, True), (25, True)):
+        cells = steep_cells(rise_of(ramp(angle), noise), ground(), PARAMETERS)
+        inner = cells.possible[INNER]
+        assert inner.all() if possible else not inner.any(), angle
+
+
+def test_slope_is_possible_wherever_the_rise_is_not_known():
+    assert steep_cells(rise_of(ramp(0), noise=0.5), ground(), PARAMETERS).possible.all()
+
+
 def steep_rows(*angles_deg, rows_each=20):
     """Which rows are steep on ground whose slope changes every 20 rows."""
     rise = np.repeat(np.tan(np.radians(angles_deg)), rows_each) * CELL_M
     relief = np.broadcast_to(np.cumsum(rise)[:, np.newaxis], (len(rise), 30))
-    found = steep_cells(rise_of(relief), ground(), PARAMETERS)
+    found = steep_cells(rise_of(relief), ground(), PARAMETERS).found
     return found[1:-1, 15]
 
 
@@ -139,9 +153,10 @@ def test_foot_of_a_slope_is_no_hollow_over_a_tilted_plane():
 
 def drops(relief, seen=None, limit=0.1):
     seen = np.ones(relief.shape, bool) if seen is None else seen
-    found = dropped_cells(relief.astype(np.float32), seen, CELL_M, limit, PARAMETERS)
-    assert found.shape == relief.shape
-    return found
+    depth_m = hollow_depth(relief.astype(np.float32), seen, CELL_M, PARAMETERS)
+    assert depth_m.shape == relief.shape
+    assert not depth_m[~seen].any()
+    return depth_m > limit
 
 
 def hollow(depth):
