@@ -20,6 +20,7 @@ from rover_obstacle_detection.detection.images.grey_pair import GreyPair, grey_p
 from rover_obstacle_detection.detection.methods.measurement import find_ground, match_coarsely
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES
 from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.rectify import Rectified
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.stereo.coarse import coarse_camera
@@ -152,12 +153,11 @@ def measure_geometry(pair: GreyPair, camera: StereoCamera) -> GeometryMeasures |
     matched = _match(pair, camera)
     if matched is None:
         return None
-    rows, reduced, coarse = matched
-    found = coarse.correction
+    found, reduced, coarse = matched
     ground, _ = find_ground(found.straightened(reduced), coarse, p)
     return GeometryMeasures(
-        rows,
-        rows.most_px(camera),
+        found.rows,
+        found.rows.most_px(camera),
         found.lenses.mean_bend_px(camera),
         swapped=False,
         upside_down=not ground.measured
@@ -165,14 +165,14 @@ def measure_geometry(pair: GreyPair, camera: StereoCamera) -> GeometryMeasures |
     )
 
 
-def measure_rows(pair: GreyPair, camera: StereoCamera) -> RowAlignment | None:
-    """Measure only by how many rows the right image is off; None if there are too few matches."""
+def measure_rectification(pair: GreyPair, camera: StereoCamera) -> Correction | None:
+    """Measure only the rectification error of a pair; None if it has too few matches."""
     matched = _match(pair, camera)
     return matched[0] if matched else None
 
 
-def _match(pair: GreyPair, camera: StereoCamera) -> tuple[RowAlignment, Frame, Rectified] | None:
-    """Return the row shift, the pair that was matched, and its match."""
+def _match(pair: GreyPair, camera: StereoCamera) -> tuple[Correction, Frame, Rectified] | None:
+    """Return the rectification error, the pair that was matched, and its match."""
     p = _PARAMETERS
     # The detector looks for row shifts of a few pixels; a larger one is taken out before.
     shift_px = row_offset(pair, p.stereo.support)
@@ -185,4 +185,5 @@ def _match(pair: GreyPair, camera: StereoCamera) -> tuple[RowAlignment, Frame, R
     if np.count_nonzero(coarse.disparity) < p.rectification.min_matched_pixels:
         return None
     rows = coarse.correction.rows
-    return replace(rows, offset_px=rows.offset_px + shift_px), reduced, coarse
+    rows = replace(rows, offset_px=rows.offset_px + shift_px)
+    return replace(coarse.correction, rows=rows), reduced, coarse
