@@ -225,7 +225,10 @@ def _are_folders(folders: tuple[Path, Path]) -> bool:
 def _images(folder: Path) -> list[str]:
     try:
         files = [each for each in folder.iterdir() if each.suffix.lower() in _SUFFIXES]
-        return sorted((each.name for each in files if each.is_file()), key=_natural)
+        # A link to nothing is an image that is missing.
+        return sorted(
+            (each.name for each in files if each.is_file() or not each.exists()), key=_natural
+        )
     except OSError as error:
         raise BagError(f'{folder}: cannot be read: {error.strerror}') from None
 

@@ -208,8 +208,8 @@ def _images(path: Path, camera: CameraInspection) -> list[GreyPair]:
     with open_bag(path) as bag:
         return [
             as_grey(*decoded)
-            for decoded in sample_images(bag, camera.topics, camera.pairs, MOST_PAIRS)
-            if not isinstance(decoded, Exception) and decoded[0].shape == decoded[1].shape
+            for _, decoded in sample_images(bag, camera.topics, camera.pairs, MOST_PAIRS)
+            if not isinstance(decoded, Exception)
         ]
 
 

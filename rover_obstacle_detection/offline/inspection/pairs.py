@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
+from rover_obstacle_detection.bags.stereo import check_equal_sizes
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
@@ -88,8 +89,16 @@ class GeometryMeasures:
 
 def sample_images(
     bag: BagReader, topics: StereoTopics, pairs: Sequence[Pair], most: int
-) -> Iterator[Images | Exception]:
-    """Decode up to `most` pairs spread over the recording; yield why one cannot be decoded."""
+) -> Iterator[tuple[str, Images | Exception]]:
+    """Decode up to `most` pairs spread over the recording.
+
+    Yields
+    ------
+    files : str
+        Those of the pair; empty unless the recording is a folder of images.
+    images : tuple of two ndarray, or Exception
+        Or why they cannot be decoded.
+    """
     if not pairs:
         return
     places = np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(int)
@@ -111,17 +120,26 @@ def sample_images(
         index, side = place
         waiting.setdefault(index, {})[side] = message
         if topics.is_side_by_side or len(waiting[index]) == 2:
-            yield _decoded(waiting.pop(index), topics)
+            stamps = chosen[index].left[1], chosen[index].right[1]
+            names = [bag.name_of(*each) for each in zip(sides, stamps, strict=True)]
+            files = '' if names[0] == sides[0] else ', '.join(dict.fromkeys(names))
+            images = _decoded(waiting.pop(index), names, is_side_by_side=topics.is_side_by_side)
+            yield files, images
 
 
-def _decoded(messages: dict[int, Any], topics: StereoTopics) -> Images | Exception:
+def _decoded(
+    messages: dict[int, Any], names: Sequence[str], *, is_side_by_side: bool
+) -> Images | Exception:
     """Decode the images of both sides, or the one image with both views."""
-    left, right = topics.left_image, topics.right_image
+    left_name, right_name = names
     try:
-        if topics.is_side_by_side:
+        if is_side_by_side:
             (both,) = messages.values()
-            return halves(decode_any_image(both, left), left)
-        return decode_any_image(messages[0], left), decode_any_image(messages[1], right)
+            return halves(decode_any_image(both, left_name), left_name)
+        left = decode_any_image(messages[0], left_name)
+        right = decode_any_image(messages[1], right_name)
+        check_equal_sizes(left, right, names)
+        return left, right
     except Exception as error:
         return error
 
