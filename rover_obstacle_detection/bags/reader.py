@@ -179,6 +179,10 @@ class BagReader:
                     raise BagError(f'{self.path}: {info}: {message.reason}')
                 return CameraInfo.from_message(message)
             missing = f'{info} has no messages'
+        if any(isinstance(each, ImageFolders) for each in self._sources):
+            raise BagError(
+                f'{self.path}: no calibration beside the images: expected one given with {WAYS}'
+            )
         raise BagError(
             f'{self.path}: no calibration for {image} ({missing}): expected a '
             f'sensor_msgs/CameraInfo topic next to it, or a calibration given with {WAYS}'

@@ -107,7 +107,9 @@ def test_euroc_without_its_files_has_the_stamps_of_its_names(tmp_path):
     pairs = numbers_only(tmp_path)
     assert stamps(pairs) == [START_NS, START_NS + 50_000_000]
     assert_images(pairs)
-    with pytest.raises(BagError, match='no calibration for /stereo/left/image/compressed'):
+    with pytest.raises(
+        BagError, match='no calibration beside the images: expected one given with --fx'
+    ):
         read(tmp_path)
 
 
