@@ -220,6 +220,7 @@ def test_raw_images_are_straight_with_the_written_files(tmp_path, capsys, name, 
     assert written['rows_off_px'] > 1.5
     assert (written['remaining_lens_bend_px'], written['lens_problem']) == (0, '')
     assert written['remaining_px'] < 0.1
+    assert not written['is_common_lens_corrected']
     if not written['for_raw_images']:
         (camera,) = found['cameras']
         assert [each['lens_bend_px'] for each in camera['sample']['geometry']] == [0, 0, 0]
@@ -232,6 +233,14 @@ def test_raw_images_are_straight_with_the_written_files(tmp_path, capsys, name, 
         assert detection.lenses == STRAIGHT_LENSES
         # The rows were measured in the images as recorded.
         assert detection.alignment.most_px(CAMERA) < (0.2 if written['for_raw_images'] else 0.1)
+
+
+def test_the_text_says_what_of_the_lenses_is_corrected(tmp_path, capsys):
+    bag = write_stereo_bag(tmp_path / 'drive', images=bent_views(), name='image_raw')
+    run(bag, tmp_path)
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'px before, 0.00 px after; of both, only the difference is corrected: pairs' in text
+    assert 'lenses bend 0.00 px (0.00 to 0.00) in 3 pairs' in text
 
 
 def test_distortion_that_pairs_do_not_share_is_left(tmp_path, capsys):

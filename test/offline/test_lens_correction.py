@@ -10,7 +10,11 @@ from rover_obstacle_detection.detection.rectification.lens_distortion import (
 )
 from rover_obstacle_detection.messages.calibration import CameraInfo
 from rover_obstacle_detection.messages.rectification import Rectification
-from rover_obstacle_detection.offline.inspection.lens_correction import median_lenses, with_lens
+from rover_obstacle_detection.offline.inspection.lens_correction import (
+    difference,
+    median_lenses,
+    with_lens,
+)
 
 CAMERA = pinhole(320, 240, 75.0, 0.1)
 K = (CAMERA.fx, 0, CAMERA.cx, 0, CAMERA.fy, CAMERA.cy, 0, 0, 1)
@@ -73,6 +77,13 @@ def test_coefficients_about_a_far_axis_do_not_fit():
     aside = tuple(cv2.Rodrigues(np.array([0.0, 0.4, 0.0]))[0].ravel())
     _, off_px = with_lens(CameraInfo(320, 240, 'equidistant', (0.0,) * 4, K, aside, P), LENS)
     assert off_px > 0.2
+
+
+def test_the_difference_has_nothing_in_common():
+    found = difference(Lenses(LensDistortion(0.03, -0.01), LensDistortion(-0.01, 0.01)))
+    assert found.left.coefficients == pytest.approx((0.02, -0.01, 0))
+    assert found.right.coefficients == pytest.approx((-0.02, 0.01, 0))
+    assert not difference(Lenses(LENS, LENS))
 
 
 def test_outliers_do_not_move_the_median():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +14,10 @@ from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.rectification.correction import Correction
-from rover_obstacle_detection.detection.rectification.lens_distortion import STRAIGHT_LENSES
+from rover_obstacle_detection.detection.rectification.lens_distortion import (
+    STRAIGHT_LENSES,
+    Lenses,
+)
 from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.errors import BagError, CameraError, OutputError
@@ -22,7 +25,11 @@ from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCali
 from rover_obstacle_detection.messages.raw_images import ALWAYS
 from rover_obstacle_detection.messages.rectification import StereoRectification
 from rover_obstacle_detection.offline.inspection.inspection import BagInspection, CameraInspection
-from rover_obstacle_detection.offline.inspection.lens_correction import median_lenses, with_lens
+from rover_obstacle_detection.offline.inspection.lens_correction import (
+    difference,
+    median_lenses,
+    with_lens,
+)
 from rover_obstacle_detection.offline.inspection.pairs import (
     as_grey,
     measure_rectification,
@@ -60,6 +67,8 @@ class CorrectedCalibration:
         80 % of the pairs are within this distance of the median.
     lens_bend_px, remaining_lens_bend_px : float
         Mean bend of the lenses with the median distortion of the pairs, before and after.
+    is_common_lens_corrected : bool
+        Whether what both lenses have in common is corrected too, not only their difference.
     lens_problem : str
         Why the lens distortion is not corrected; empty if it is, or if there is none.
     for_raw_images : bool
@@ -76,6 +85,7 @@ class CorrectedCalibration:
     spread_px: float
     lens_bend_px: float
     remaining_lens_bend_px: float
+    is_common_lens_corrected: bool
     lens_problem: str
     for_raw_images: bool
     rectify: str
@@ -101,7 +111,8 @@ def write_corrected_calibration(
     """Write ``left.yaml`` and ``right.yaml``, so that rectified images of the recording agree.
 
     The right camera gets another principal row in K, and another rotation about the optical axis
-    in R. If most pairs show the same lens distortion, both cameras get another D.
+    in R. If most pairs show the same lens distortion, both cameras get another D: for the
+    difference between the lenses, or, if that does not do, for all that they show.
 
     Parameters
     ----------
@@ -131,12 +142,16 @@ def write_corrected_calibration(
     spread_px = _checked_spread_px(measured, camera, bag.path)
     first, found = _median(measured, camera), _Calibrations(recorded, calibration)
     problem = ''
-    try:
-        _check_lenses(measured, first, camera)
-        found, remaining = _corrected(images, found, first)
-    except _LensError as error:
-        problem = str(error)
-        found, remaining = _corrected(images, found, first, lenses=False)
+    for part in (difference, _all):
+        try:
+            corrected, remaining = _corrected(images, found, measured, part)
+        except _LensError as error:
+            problem = str(error)
+        else:
+            problem = ''
+            break
+    else:
+        corrected, remaining = _corrected(images, found, measured, _none)
     remaining_px = remaining.rows.most_px(camera)
     if remaining_px > _MAX_REMAINING_PX:
         raise CameraError(
@@ -147,10 +162,10 @@ def write_corrected_calibration(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f'{folder}: cannot be created: {error.strerror}') from None
-    for file, info in zip(files, (found.written.left, found.written.right), strict=True):
+    for file, info in zip(files, (corrected.written.left, corrected.written.right), strict=True):
         atomic_write_text(file, camera_info_yaml(info, file.stem))
     for_raw_images = is_rectified and StereoRectification(calibration).is_needed
-    applies = not for_raw_images and StereoRectification(found.written).is_needed
+    applies = not for_raw_images and StereoRectification(corrected.written).is_needed
     return CorrectedCalibration(
         files,
         len(measured),
@@ -159,6 +174,7 @@ def write_corrected_calibration(
         spread_px,
         first.lenses.mean_bend_px(camera),
         remaining.lenses.mean_bend_px(camera),
+        part is _all and not problem,
         problem,
         for_raw_images,
         ALWAYS if is_rectified and applies else inspected.topics.rectify,
@@ -219,10 +235,22 @@ def _measure(images: Sequence[GreyPair], calibration: StereoCalibration) -> list
     return [found for pair in pairs if (found := measure_rectification(pair, calibration.camera))]
 
 
-def _median(measured: Sequence[Correction], camera: StereoCamera) -> Correction:
+def _all(lenses: Lenses) -> Lenses:
+    return lenses
+
+
+def _none(lenses: Lenses) -> Lenses:
+    return STRAIGHT_LENSES
+
+
+def _median(
+    measured: Sequence[Correction],
+    camera: StereoCamera,
+    part: Callable[[Lenses], Lenses] = _all,
+) -> Correction:
     shifts = [(each.rows.offset_px, each.rows.turn) for each in measured]
     offset_px, turn = np.median(shifts, axis=0)
-    lenses = median_lenses([each.lenses for each in measured], camera)
+    lenses = median_lenses([part(each.lenses) for each in measured], camera)
     return Correction(RowAlignment(float(offset_px), float(turn)), lenses)
 
 
@@ -250,13 +278,13 @@ def _checked_spread_px(measured: Sequence[Correction], camera: StereoCamera, pat
     return spread_px
 
 
-def _check_lenses(
-    measured: Sequence[Correction], median: Correction, camera: StereoCamera
-) -> None:
+def _check_lenses(lenses: Sequence[Lenses], camera: StereoCamera) -> None:
     """Raise `_LensError` unless most pairs show the median distortion."""
-    bend_px = median.lenses.mean_bend_px(camera)
-    off_px = [each.lenses.change_px(camera, median.lenses) for each in measured]
-    spread_px = float(np.quantile(off_px, _SPREAD_SHARE))
+    median = median_lenses(lenses, camera)
+    bend_px = median.mean_bend_px(camera)
+    spread_px = float(
+        np.quantile([each.change_px(camera, median) for each in lenses], _SPREAD_SHARE)
+    )
     if spread_px > _MAX_LENS_SPREAD * bend_px:
         raise _LensError(
             f'it differs too much between the pairs: {_SPREAD_SHARE:.0%} are within '
@@ -267,25 +295,25 @@ def _check_lenses(
 def _corrected(
     images: Sequence[GreyPair],
     found: _Calibrations,
-    measured: Correction,
-    *,
-    lenses: bool = True,
+    measured: Sequence[Correction],
+    part: Callable[[Lenses], Lenses],
 ) -> tuple[_Calibrations, Correction]:
-    """Correct and measure in turn until nothing remains; return what remains."""
+    """Correct rows and part of the lenses in turn until nothing remains; return what remains."""
     camera = found.recorded.camera
+    _check_lenses([part(each.lenses) for each in measured], camera)
     for _ in range(_MAX_ROUNDS):
-        bend = measured.lenses if lenses else STRAIGHT_LENSES
-        if measured.rows.most_px(camera) <= _SETTLED_PX and not bend:
+        change = _median(measured, camera, part)
+        if change.rows.most_px(camera) <= _SETTLED_PX and not change.lenses:
             break
-        change = replace(measured, lenses=bend)
         found = _Calibrations(*(_with(each, change) for each in found))
-        measured = _median(_measure(images, found.recorded), camera)
-    if lenses and measured.lenses:
+        measured = _measure(images, found.recorded)
+    remaining = _median(measured, camera)
+    if remaining.lenses and part is not _none:
         raise _LensError(
             f'with it corrected, the lenses still bend '
-            f'{measured.lenses.mean_bend_px(camera):.2f} px'
+            f'{remaining.lenses.mean_bend_px(camera):.2f} px'
         )
-    return found, measured
+    return found, remaining
 
 
 def _with(calibration: StereoCalibration, change: Correction) -> StereoCalibration:

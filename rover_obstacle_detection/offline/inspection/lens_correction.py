@@ -52,6 +52,16 @@ def median_lenses(found: Sequence[Lenses], camera: StereoCamera) -> Lenses:
     )
 
 
+def difference(lenses: Lenses) -> Lenses:
+    """Lenses that differ as much, without what both have in common.
+
+    What they have in common hardly shifts rows, so pairs show little of it.
+    """
+    left, right = lenses.left.coefficients, lenses.right.coefficients
+    half = [(one - other) / 2 for one, other in zip(left, right, strict=True)]
+    return Lenses(LensDistortion(*half), LensDistortion(*(-each for each in half)))
+
+
 def with_lens(info: CameraInfo, lens: LensDistortion) -> tuple[CameraInfo, float]:
     """Change D so that rectification also removes a distortion of the rectified image.
 

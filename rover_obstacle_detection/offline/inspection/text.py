@@ -25,6 +25,7 @@ from rover_obstacle_detection.wording import counted
 
 _COLUMNS = 80
 _LABEL = 16
+_DIFFERENCE_ONLY = '; of both, only the difference is corrected: pairs hardly show the rest.'
 _TOPICS = ('left_image', 'right_image', 'left_info', 'right_info')
 
 
@@ -72,7 +73,8 @@ def corrected_text(corrected: CorrectedCalibration) -> str:
         lines += _row(
             '',
             f'Lenses bend {corrected.lens_bend_px:.2f} px before, '
-            f'{corrected.remaining_lens_bend_px:.2f} px after.',
+            f'{corrected.remaining_lens_bend_px:.2f} px after'
+            + ('.' if corrected.is_common_lens_corrected else _DIFFERENCE_ONLY),
         )
     else:
         lines += _row('', 'No lens distortion to correct was found.')
