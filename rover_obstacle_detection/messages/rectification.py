@@ -71,14 +71,15 @@ class Rectification:
             self._columns, self._rows = make_maps(k, distortion, r, p, self._size, cv2.CV_16SC2)
         except cv2.error:
             self._refuse(f'D is {info.d}: expected the coefficients of {info.distortion_model}')
-        if self._seen_share() < _MIN_SEEN_SHARE:
+        if self.seen_share < _MIN_SEEN_SHARE:
             self._refuse(
                 f'with K {info.k}, D {info.d}, R {info.r} and P {info.p} only '
-                f'{self._seen_share():.0%} of the rectified image shows anything: expected at '
+                f'{self.seen_share:.0%} of the rectified image shows anything: expected at '
                 f'least {_MIN_SEEN_SHARE:.0%}'
             )
 
-    def _seen_share(self) -> float:
+    @property
+    def seen_share(self) -> float:
         """Share of the rectified image that lies within the raw one."""
         width, height = self._size
         column, row = self._columns[..., 0], self._columns[..., 1]

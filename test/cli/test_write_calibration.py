@@ -225,11 +225,15 @@ def test_raw_images_are_straight_with_the_written_files(tmp_path, capsys, name, 
         (camera,) = found['cameras']
         assert [each['lens_bend_px'] for each in camera['sample']['geometry']] == [0, 0, 0]
 
-    rectify = StereoRectification(
-        load_stereo_calibration(tmp_path / 'left.yaml', tmp_path / 'right.yaml')
-    )
+    calibration = load_stereo_calibration(tmp_path / 'left.yaml', tmp_path / 'right.yaml')
+    assert calibration.camera.fx == pytest.approx(written['zoom'] * CAMERA.fx)
+    assert calibration.camera.baseline_m == pytest.approx(CAMERA.baseline_m)
+    # The other rectification has black corners already.
+    assert (written['zoom'] > 1) == (d[0] == 0)
+    assert written['zoom'] < 1.1
+    rectify = StereoRectification(calibration)
     for pair in raw:
-        detection = Detector(CAMERA).detect(*rectify(*pair))
+        detection = Detector(calibration.camera).detect(*rectify(*pair))
         assert detection.lenses == STRAIGHT_LENSES
         # The rows were measured in the images as recorded.
         assert detection.alignment.most_px(CAMERA) < (0.2 if written['for_raw_images'] else 0.1)

@@ -8,12 +8,13 @@ from rover_obstacle_detection.detection.rectification.lens_distortion import (
     LensDistortion,
     Lenses,
 )
-from rover_obstacle_detection.messages.calibration import CameraInfo
+from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 from rover_obstacle_detection.messages.rectification import Rectification
 from rover_obstacle_detection.offline.inspection.lens_correction import (
     difference,
     median_lenses,
     with_lens,
+    without_border,
 )
 
 CAMERA = pinhole(320, 240, 75.0, 0.1)
@@ -77,6 +78,36 @@ def test_coefficients_about_a_far_axis_do_not_fit():
     aside = tuple(cv2.Rodrigues(np.array([0.0, 0.4, 0.0]))[0].ravel())
     _, off_px = with_lens(CameraInfo(320, 240, 'equidistant', (0.0,) * 4, K, aside, P), LENS)
     assert off_px > 0.2
+
+
+def stereo(*lenses):
+    projections = (*P[:3], 0.0, *P[4:]), P
+    left, right = (
+        with_lens(CameraInfo(320, 240, 'plumb_bob', (), K, STRAIGHT, p), lens)[0]
+        for lens, p in zip(lenses, projections, strict=True)
+    )
+    return StereoCalibration(left, right, 'test')
+
+
+def test_images_are_enlarged_until_no_border_is_black():
+    former, changed = stereo(NO_DISTORTION, NO_DISTORTION), stereo(LENS, NO_DISTORTION)
+    assert Rectification(changed.left, 'test').seen_share < 0.98
+    found = without_border(changed, former)
+    assert 1.01 < found.camera.fx / CAMERA.fx < 1.1
+    assert found.camera.fy / CAMERA.fy == pytest.approx(found.camera.fx / CAMERA.fx)
+    assert found.camera.baseline_m == pytest.approx(changed.camera.baseline_m)
+    assert (found.camera.cx, found.camera.cy) == (CAMERA.cx, CAMERA.cy)
+    assert (found.left.k, found.left.d) == (changed.left.k, changed.left.d)
+    assert Rectification(found.left, 'test').seen_share > 0.999
+    assert (
+        np.count_nonzero(Rectification(found.left, '')(np.ones(CAMERA.shape, np.uint8)) == 0) < 20
+    )
+
+
+def test_images_without_a_black_border_keep_their_focal_length():
+    barrel = LensDistortion(-0.03)
+    changed = stereo(barrel, barrel)
+    assert without_border(changed, stereo(NO_DISTORTION, NO_DISTORTION)) is changed
 
 
 def test_the_difference_has_nothing_in_common():

@@ -29,6 +29,7 @@ from rover_obstacle_detection.offline.inspection.lens_correction import (
     difference,
     median_lenses,
     with_lens,
+    without_border,
 )
 from rover_obstacle_detection.offline.inspection.pairs import (
     as_grey,
@@ -69,6 +70,8 @@ class CorrectedCalibration:
         Mean bend of the lenses with the median distortion of the pairs, before and after.
     is_common_lens_corrected : bool
         Whether what both lenses have in common is corrected too, not only their difference.
+    zoom : float
+        Factor by which the rectified images are enlarged, so that no border turns black.
     lens_problem : str
         Why the lens distortion is not corrected; empty if it is, or if there is none.
     for_raw_images : bool
@@ -86,6 +89,7 @@ class CorrectedCalibration:
     lens_bend_px: float
     remaining_lens_bend_px: float
     is_common_lens_corrected: bool
+    zoom: float
     lens_problem: str
     for_raw_images: bool
     rectify: str
@@ -152,6 +156,9 @@ def write_corrected_calibration(
             break
     else:
         corrected, remaining = _corrected(images, found, measured, _none)
+    written = corrected.written
+    if not problem and first.lenses:
+        written = without_border(written, calibration)
     remaining_px = remaining.rows.most_px(camera)
     if remaining_px > _MAX_REMAINING_PX:
         raise CameraError(
@@ -162,10 +169,10 @@ def write_corrected_calibration(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f'{folder}: cannot be created: {error.strerror}') from None
-    for file, info in zip(files, (corrected.written.left, corrected.written.right), strict=True):
+    for file, info in zip(files, (written.left, written.right), strict=True):
         atomic_write_text(file, camera_info_yaml(info, file.stem))
     for_raw_images = is_rectified and StereoRectification(calibration).is_needed
-    applies = not for_raw_images and StereoRectification(corrected.written).is_needed
+    applies = not for_raw_images and StereoRectification(written).is_needed
     return CorrectedCalibration(
         files,
         len(measured),
@@ -175,6 +182,7 @@ def write_corrected_calibration(
         first.lenses.mean_bend_px(camera),
         remaining.lenses.mean_bend_px(camera),
         part is _all and not problem,
+        written.camera.fx / calibration.camera.fx,
         problem,
         for_raw_images,
         ALWAYS if is_rectified and applies else inspected.topics.rectify,

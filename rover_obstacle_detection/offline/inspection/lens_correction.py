@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
-from rover_obstacle_detection.messages.calibration import CameraInfo
-from rover_obstacle_detection.messages.rectification import FISHEYE_MODEL
+from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
+from rover_obstacle_detection.messages.rectification import FISHEYE_MODEL, Rectification
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +24,8 @@ _GRID = 25
 _RADII = 20
 _PASSES = 5
 _DIFFERENCE = 1e-6
+_MAX_ZOOM, _HALVINGS = 1.3, 8
+_SHARE_TOLERANCE = 2e-4
 
 
 def median_lenses(found: Sequence[Lenses], camera: StereoCamera) -> Lenses:
@@ -110,6 +112,40 @@ def with_lens(info: CameraInfo, lens: LensDistortion) -> tuple[CameraInfo, float
         places = _raw_places(info, x, y, d)
     off_px = np.linalg.norm(wanted - places, axis=-1)
     return replace(info, d=tuple(d.tolist())), float(off_px.mean())
+
+
+def without_border(changed: StereoCalibration, former: StereoCalibration) -> StereoCalibration:
+    """Enlarge the rectified images until they show no more black border than before.
+
+    The border of a rectified image is black where it lies outside the raw one, and black borders
+    look like obstacles. The calibration stays as it is if `_MAX_ZOOM` is not enough.
+    """
+    wanted = _seen_share(former) - _SHARE_TOLERANCE
+    low, high = 1.0, _MAX_ZOOM
+    if _seen_share(changed) >= wanted or _seen_share(_enlarged(changed, high)) < wanted:
+        return changed
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if _seen_share(_enlarged(changed, middle)) < wanted:
+            low = middle
+        else:
+            high = middle
+    return _enlarged(changed, high)
+
+
+def _seen_share(calibration: StereoCalibration) -> float:
+    cameras = calibration.left, calibration.right
+    return min(Rectification(each, calibration.source).seen_share for each in cameras)
+
+
+def _enlarged(calibration: StereoCalibration, zoom: float) -> StereoCalibration:
+    def camera(info: CameraInfo) -> CameraInfo:
+        fx, fy, offset = (zoom * info.p[index] for index in (0, 5, 3))
+        p = fx, info.p[1], info.p[2], offset, info.p[4], fy, *info.p[6:]
+        return replace(info, p=p)
+
+    left, right = camera(calibration.left), camera(calibration.right)
+    return StereoCalibration(left, right, calibration.source)
 
 
 def _raw_places(info: CameraInfo, x: Floats, y: Floats, d: Floats) -> Floats:

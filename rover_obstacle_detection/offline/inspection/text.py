@@ -76,6 +76,12 @@ def corrected_text(corrected: CorrectedCalibration) -> str:
             f'{corrected.remaining_lens_bend_px:.2f} px after'
             + ('.' if corrected.is_common_lens_corrected else _DIFFERENCE_ONLY),
         )
+        if corrected.zoom > 1:
+            lines += _row(
+                '',
+                f'Rectified images are enlarged by {corrected.zoom - 1:.1%}, so that no border '
+                'turns black.',
+            )
     else:
         lines += _row('', 'No lens distortion to correct was found.')
     if corrected.for_raw_images:
