@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import runpy
 import sys
@@ -15,6 +16,7 @@ from ruamel.yaml import YAML
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
+from rover_obstacle_detection.messages.cloud import FIELDS
 from rover_obstacle_detection.messages.outputs import OUTPUTS
 from rover_obstacle_detection.node import transport
 from rover_obstacle_detection.node.settings import (
@@ -24,6 +26,7 @@ from rover_obstacle_detection.node.settings import (
     all_parameters,
 )
 from rover_obstacle_detection.node.transport import PROFILE, PROFILE_VARIABLES
+from rover_obstacle_detection.offline.bag_messages import DIAGNOSTICS
 from rover_obstacle_detection.parameter_file import NODE_PARAMETER_NAMES, load_config
 
 ROOT = Path(__file__).parent.parent
@@ -117,6 +120,70 @@ def test_foxglove_shows_image_mask_overlay_clouds_and_markers() -> None:
     }
     assert (images | scene) - {'/stereo/left/image_rect'} <= OUTPUT_TOPICS
     assert set(_leaves(layout['layout'])) == set(panels)
+
+
+INPUT_TYPES = {'/stereo/left/image_rect': 'Image', '/stereo/left/camera_info': 'CameraInfo'}
+TOPIC_TYPES = {
+    **INPUT_TYPES,
+    **{f'/stereo/{name}': each.type_name.rpartition('/')[2] for name, each in OUTPUTS.items()},
+    DIAGNOSTICS: 'DiagnosticArray',
+}
+
+
+def test_rviz_displays_have_the_types_of_their_topics() -> None:
+    displays = read_yaml(CONFIG / 'obstacle_detector.rviz')['Visualization Manager']['Displays']
+
+    for display in displays:
+        package, _, shown = display['Class'].partition('/')
+        assert package == 'rviz_default_plugins'
+        if 'Topic' in display:
+            assert TOPIC_TYPES[display['Topic']['Value']] == shown
+    (coloured,) = (each for each in displays if 'Channel Name' in each)
+    assert coloured['Channel Name'] in FIELDS
+
+
+def test_foxglove_panels_have_the_types_of_their_topics() -> None:
+    panels = json.loads((CONFIG / 'obstacle_detector.foxglove.json').read_text())['configById']
+
+    for name, panel in panels.items():
+        kind = name.partition('!')[0]
+        if kind == 'Image':
+            assert TOPIC_TYPES[panel['imageMode']['imageTopic']] == 'Image'
+            calibration = panel['imageMode'].get('calibrationTopic', '/stereo/camera_info')
+            assert TOPIC_TYPES[calibration] == 'CameraInfo'
+        elif kind == 'DiagnosticSummary':
+            assert TOPIC_TYPES[panel['topicToRender']] == 'DiagnosticArray'
+        else:
+            assert kind == '3D'
+            for topic, settings in panel['topics'].items():
+                has_points = 'pointSize' in settings
+                assert TOPIC_TYPES[topic] == ('PointCloud2' if has_points else 'MarkerArray')
+                assert settings.get('colorField', 'height') in FIELDS
+
+
+def test_viewers_look_at_the_ground_ahead_from_above_and_behind() -> None:
+    # In the left optical frame: x right, y down, z ahead.
+    rviz = read_yaml(CONFIG / 'obstacle_detector.rviz')['Visualization Manager']
+    orbit = rviz['Views']['Current']
+    pitch, yaw = orbit['Pitch'], orbit['Yaw']
+    foxglove = json.loads((CONFIG / 'obstacle_detector.foxglove.json').read_text())
+    state = foxglove['configById']['3D!scene']['cameraState']
+    polar, azimuth = math.radians(state['phi']), math.radians(state['thetaOffset'])
+    towards_viewer = (
+        (math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch)),
+        (
+            -math.sin(polar) * math.sin(azimuth),
+            -math.sin(polar) * math.cos(azimuth),
+            math.cos(polar),
+        ),
+    )
+
+    for x, y, z in towards_viewer:
+        assert x == pytest.approx(0, abs=0.01)
+        assert y < -0.4
+        assert z < -0.4
+    targets = [orbit['Focal Point'][axis] for axis in 'XYZ'], state['targetOffset']
+    assert [list(each) for each in targets] == [[0, 0, 3]] * 2
 
 
 def _leaves(tree: Any) -> list[str]:

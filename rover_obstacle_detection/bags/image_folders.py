@@ -41,6 +41,7 @@ class ImageFolders:
     def __init__(self, path: Path, cameras: list[Camera]) -> None:
         self._factory = RosbagsFactory()
         self._images: dict[str, list[tuple[int, Path]]] = {}
+        self._files: dict[tuple[str, int], Path] = {}
         self._infos: dict[str, tuple[Camera, int]] = {}
         self.note = ''
         for camera in cameras:
@@ -68,6 +69,7 @@ class ImageFolders:
         topic = f'/stereo/{side}/{kind}/compressed'
         stamps = camera.stamps_ns[index]
         self._images[topic] = sorted((stamp, folder / name) for name, stamp in stamps.items())
+        self._files |= {(topic, stamp): file for stamp, file in self._images[topic]}
         if camera.calibration:
             info = f'/stereo/{side}/camera_info'
             self._infos[info] = camera, index
@@ -75,6 +77,10 @@ class ImageFolders:
     def message_count(self, topic: str) -> int:
         """Count the messages of a topic."""
         return int(topic in self._infos) or len(self._images.get(topic, ()))
+
+    def file_of(self, topic: str, stamp_ns: int) -> Path | None:
+        """File of the image with a stamp; None if there is none."""
+        return self._files.get((topic, stamp_ns))
 
     def messages(
         self, topics: Collection[str], start_ns: int | None, end_ns: int | None
@@ -131,7 +137,7 @@ class ImageFolders:
             message = self._factory.make(COMPRESSED_TYPE, data=np.fromfile(path, np.uint8))
             if size := image_size(message):
                 return size
-        raise BagError(f'{camera.folders[0]}: no image that can be decoded')
+        raise BagError(f'{camera.folders[0]}: no image can be decoded')
 
     def _info_message(self, info: CameraInfo, header: Any) -> Any:
         return self._factory.make(

@@ -22,7 +22,7 @@ LAYOUTS = (
     'image_1) or left and right'
 )
 
-_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.pgm', '.ppm', '.bmp', '.tif', '.tiff'})
+IMAGE_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.pgm', '.ppm', '.bmp', '.tif', '.tiff'})
 _PERIOD_NS = NANOSECONDS_PER_SECOND // 10
 _SIDE = re.compile(r'left|right', re.IGNORECASE)
 _SECONDS = re.compile(r'\d{1,10}\.\d{1,9}')
@@ -224,8 +224,11 @@ def _are_folders(folders: tuple[Path, Path]) -> bool:
 
 def _images(folder: Path) -> list[str]:
     try:
-        files = [each for each in folder.iterdir() if each.suffix.lower() in _SUFFIXES]
-        return sorted((each.name for each in files if each.is_file()), key=_natural)
+        files = [each for each in folder.iterdir() if each.suffix.lower() in IMAGE_SUFFIXES]
+        # A link to nothing is an image that is missing.
+        return sorted(
+            (each.name for each in files if each.is_file() or not each.exists()), key=_natural
+        )
     except OSError as error:
         raise BagError(f'{folder}: cannot be read: {error.strerror}') from None
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rover_obstacle_detection.bags.image_folders import ImageFolders
 from rover_obstacle_detection.bags.source import Entry, Source
 from rover_obstacle_detection.bags.sources import open_sources, plain_name, read_failure
 from rover_obstacle_detection.bags.topics import (
@@ -58,6 +59,15 @@ class BagReader:
     def message_count(self, topic: str) -> int:
         """Count the messages of a topic; 0 if the topic does not exist."""
         return sum(source.message_count(topic) for source in self._sources)
+
+    def file_of(self, topic: str, stamp_ns: int) -> Path | None:
+        """File of an image; None unless the recording is a folder of images."""
+        folders = (each for each in self._sources if isinstance(each, ImageFolders))
+        return next((each.file_of(topic, stamp_ns) for each in folders), None)
+
+    def name_of(self, topic: str, stamp_ns: int) -> str:
+        """Name an image in a message: by its file, or else by its topic."""
+        return str(self.file_of(topic, stamp_ns) or topic)
 
     def messages(
         self,
@@ -169,6 +179,10 @@ class BagReader:
                     raise BagError(f'{self.path}: {info}: {message.reason}')
                 return CameraInfo.from_message(message)
             missing = f'{info} has no messages'
+        if any(isinstance(each, ImageFolders) for each in self._sources):
+            raise BagError(
+                f'{self.path}: no calibration beside the images: expected one given with {WAYS}'
+            )
         raise BagError(
             f'{self.path}: no calibration for {image} ({missing}): expected a '
             f'sensor_msgs/CameraInfo topic next to it, or a calibration given with {WAYS}'
@@ -178,6 +192,9 @@ class BagReader:
 def _attempt(entry: Entry, convert: Callable[[Entry], Any]) -> Any:
     try:
         return convert(entry)
+    except OSError as error:
+        reason = f'cannot be read: {error.strerror or error}'
+        return BadMessage(entry.topic, entry.log_time_ns, reason)
     except Exception as error:
         reason = f'{entry.type_name} cannot be decoded: {type(error).__name__}: {error}'
         return BadMessage(entry.topic, entry.log_time_ns, reason)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
 from rover_obstacle_detection.bags.topics import StereoTopics
@@ -68,7 +69,10 @@ def _warn_of_replaced_rectification(
 
 
 def _first_size(bag: BagReader, topic: str) -> Size:
-    for _, _, message in bag.messages([topic]):
+    first: Path | None = None
+    for _, stamp_ns, message in bag.messages([topic]):
+        first = first or bag.file_of(topic, stamp_ns)
         if not isinstance(message, BadMessage) and (size := image_size(message)):
             return size
-    raise BagError(f'{bag.path}: {topic} has no image that can be decoded')
+    where = f': the first is {first}' if first else ''
+    raise BagError(f'{bag.path}: {topic} has no image that can be decoded{where}')

@@ -17,7 +17,7 @@ from rover_obstacle_detection.bags.decompression import (
     decompress_file,
 )
 from rover_obstacle_detection.bags.image_folders import ImageFolders
-from rover_obstacle_detection.bags.image_layouts import LAYOUTS
+from rover_obstacle_detection.bags.image_layouts import IMAGE_SUFFIXES, LAYOUTS
 from rover_obstacle_detection.bags.message_types import guard_rosbags
 from rover_obstacle_detection.bags.source import Entry, Source, choose_typestore
 from rover_obstacle_detection.bags.streamed_mcap import StreamedMcap
@@ -164,9 +164,10 @@ def _open_file(path: Path, stack: ExitStack) -> Source:
     if path.suffix == COMPRESSED and Path(plain_name(path)).suffix in SUFFIXES:
         return _open_compressed(path, stack)
     if path.suffix not in SUFFIXES:
+        what = 'an image' if path.suffix.lower() in IMAGE_SUFFIXES else 'not a recording'
         raise BagError(
-            f'{path}: is not a recording: expected a rosbag2 folder or a '
-            f'{", ".join(SUFFIXES)} file'
+            f'{path}: is {what}: expected a rosbag2 folder, a {", ".join(SUFFIXES)} file or a '
+            'folder of images; for two image files, there is rover-obstacles detect'
         )
     try:
         if path.stat().st_size == 0:

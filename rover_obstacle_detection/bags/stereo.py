@@ -6,6 +6,8 @@ import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
@@ -25,11 +27,13 @@ from rover_obstacle_detection.messages.header import (
 from rover_obstacle_detection.messages.image import OVERSIZE, decode_camera_image, halves
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
+from rover_obstacle_detection.wording import counted
 
 _logger = logging.getLogger(__name__)
 
 # Images that wait for their partner; one second at 30 Hz.
 _QUEUE_SIZE = 30
+_LISTED_FILES = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,8 @@ class StereoPair:
     left_header : std_msgs/Header
         Header of the left image, as a message for `BagWriter`.
     camera : StereoCamera
+    names : tuple of str
+        What to call the left and the right image in messages: their files or topics.
     extras : mapping of str to message
         Message of each extra topic with the left image's stamp; topics without one are absent.
     """
@@ -57,6 +63,7 @@ class StereoPair:
     right: NDArray[Any]
     left_header: Any
     camera: StereoCamera
+    names: tuple[str, str] = ('left', 'right')
     extras: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -157,6 +164,7 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         self._factory = RosbagsFactory()
         self._seen_pairs = 0
         self._decoded_pairs = 0
+        self._lone_files: dict[Path, None] = {}
         self._frames = self._read()
         self.bad_frames = 0
         """Number of messages and pairs that could not be used so far."""
@@ -189,6 +197,8 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             for frame in self._take_pair(pair):
                 self._extras.hold(frame.stamp_ns, self._window_ns[1], frame)
         yield from self._with_extras(None)
+        if self._lone_files:
+            self._warn_of_lone_files()
 
     def _wanted(self) -> set[str]:
         images = {self._topics.left_image, self._topics.right_image}
@@ -200,7 +210,8 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
 
     def _take(self, topic: str, log_time_ns: int, message: Any) -> Iterator[StereoPair | BadFrame]:
         if isinstance(message, BadMessage):
-            yield BadFrame(log_time_ns, topic, f'{topic}: {message.reason}')
+            name = self._bag.name_of(topic, log_time_ns)
+            yield BadFrame(log_time_ns, topic, f'{name}: {message.reason}')
         elif topic in (self._topics.left_image, self._topics.right_image):
             yield from self._take_image(topic, log_time_ns, message)
         elif topic in self._extras.topics:
@@ -217,6 +228,8 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             reason = f'{topic}: header.stamp is {stamp_s:g} s: expected more than 0'
             yield BadFrame(log_time_ns, topic, reason)
             return
+        if file := self._bag.file_of(topic, stamp):
+            self._lone_files[file] = None
         # An image with both views is that of both topics.
         for name, add in (
             (self._topics.left_image, self._pairing.add_left),
@@ -228,21 +241,23 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
 
     def _take_pair(self, pair: Pair) -> Iterator[StereoPair | BadFrame]:
         self._seen_pairs += 1
+        topics = self._topics.left_image, self._topics.right_image
+        names = self._names(pair, topics)
         if (self._seen_pairs - 1) % self._every:
             return
-        topic = self._topics.left_image
+        failing = 0
         try:
             most_pixels = OVERSIZE * math.prod(self._watch.camera.shape)
-            left = decode_camera_image(pair.left, topic, most_pixels)
-            topic = self._topics.right_image
+            left = decode_camera_image(pair.left, names[0], most_pixels)
+            failing = 1
             if self._topics.is_side_by_side:
-                left, right = halves(left, topic)
+                left, right = halves(left, names[1])
             else:
-                right = decode_camera_image(pair.right, topic, most_pixels)
-            self._check_sizes(left, right)
+                right = decode_camera_image(pair.right, names[1], most_pixels)
+            self._check_sizes(left, right, names)
             left, right = self._watch.rectify(left, right)
         except Exception as error:
-            yield self._failure(pair.stamp_ns, topic, error)
+            yield self._failure(pair.stamp_ns, topics[failing], error, names[failing])
             return
         self._decoded_pairs += 1
         frame_id = str(pair.left.header.frame_id)
@@ -253,30 +268,44 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             right=right,
             left_header=make_header(pair.stamp_ns, frame_id, self._factory),
             camera=self._watch.camera,
+            names=names,
         )
 
-    def _failure(self, stamp_ns: int, topic: str, error: Exception) -> BadFrame:
+    def _names(self, pair: Pair, topics: tuple[str, str]) -> tuple[str, str]:
+        """Name the images of a pair; their files are no longer without partner."""
+        names = []
+        for topic, image in zip(topics, (pair.left, pair.right), strict=True):
+            stamp = stamp_ns(image.header)
+            names.append(self._bag.name_of(topic, stamp))
+            if file := self._bag.file_of(topic, stamp):
+                self._lone_files.pop(file, None)
+        return names[0], names[1]
+
+    def _warn_of_lone_files(self) -> None:
+        first = ', '.join(str(file) for file in islice(self._lone_files, _LISTED_FILES))
+        more = len(self._lone_files) - _LISTED_FILES
+        others = f' and {counted(more, "other")}' if more > 0 else ''
+        _logger.warning('no partner for %s%s', first, others)
+
+    def _failure(self, stamp_ns: int, topic: str, error: Exception, name: str = '') -> BadFrame:
         """Take an error for that of one message or pair; raise it if it concerns all of them."""
         if isinstance(error, BagError):
             raise error
         _logger.debug('%s at %d ns failed', topic, stamp_ns, exc_info=error)
         reason = failure_text(error)
         if not isinstance(error, (CameraError, ImageError)):
-            reason = f'{topic}: {reason}'
+            reason = f'{name or topic}: {reason}'
         return BadFrame(stamp_ns, topic, reason)
 
-    def _check_sizes(self, left: NDArray[Any], right: NDArray[Any]) -> None:
-        topics = self._topics
-        if left.shape[:2] != right.shape[:2]:
-            raise ImageError(
-                f'{topics.right_image} is {_size(right.shape)}, {topics.left_image} is '
-                f'{_size(left.shape)}: expected the same size'
-            )
+    def _check_sizes(
+        self, left: NDArray[Any], right: NDArray[Any], names: tuple[str, str]
+    ) -> None:
+        check_equal_sizes(left, right, names)
         expected = self._watch.camera.shape
         if left.shape[:2] == expected:
             return
         msg = (
-            f'{topics.left_image} and {topics.right_image} are {_size(left.shape)}, '
+            f'{names[0]} and {names[1]} are {_size(left.shape)}, '
             f'but the calibration ({self._watch.source}) is for {_size(expected)}: '
             'expected the same size'
         )
@@ -284,6 +313,27 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
             raise ImageError(msg)
         # If the first pair does not fit, the calibration is wrong, not the frame.
         raise BagError(f'{self._bag.path}: {msg}')
+
+
+def check_equal_sizes(left: NDArray[Any], right: NDArray[Any], names: Sequence[str]) -> None:
+    """Check that the images of a pair have one size.
+
+    Parameters
+    ----------
+    left, right : ndarray, shape (height, width) or (height, width, 3)
+    names : sequence of two str
+        What to call them.
+
+    Raises
+    ------
+    ImageError
+        If they differ in size.
+    """
+    if left.shape[:2] != right.shape[:2]:
+        raise ImageError(
+            f'{names[1]} is {_size(right.shape)}, {names[0]} is {_size(left.shape)}: '
+            'expected the same size'
+        )
 
 
 def _size(shape: tuple[int, ...]) -> str:

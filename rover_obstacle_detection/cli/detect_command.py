@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import logging
+import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rover_obstacle_detection.cli.arguments import (
     add_command,
@@ -16,6 +18,9 @@ from rover_obstacle_detection.cli.calibration_arguments import (
     add_calibration_arguments,
     calibration_request,
 )
+
+if TYPE_CHECKING:
+    from rover_obstacle_detection.offline.summary import FrameSummary
 
 _logger = logging.getLogger(__name__)
 
@@ -68,6 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from rover_obstacle_detection.offline.detect_pair import detect_pair
     from rover_obstacle_detection.offline.output_folder import check_output_folder
+    from rover_obstacle_detection.offline.summary import FrameSummary
     from rover_obstacle_detection.offline.summary_table import obstacle_table
     from rover_obstacle_detection.pictures import shown_obstacles
     from rover_obstacle_detection.rover_mask import RoverMask
@@ -93,5 +99,16 @@ def run(arguments: argparse.Namespace) -> int:
     for warning in detection.warnings:
         _logger.warning(warning)
     Console(highlight=False).print(obstacle_table(shown_obstacles(detection)))
+    print(_ground_text(FrameSummary.of(detection)))
     print(f'overlay: {arguments.output / "overlay.png"}')
     return 0
+
+
+def _ground_text(figures: FrameSummary) -> str:
+    """Say what a ruler and an inclinometer can check."""
+    if math.isnan(figures.camera_height_m):
+        return 'ground: not found'
+    return (
+        f'ground: {figures.camera_height_m:.2f} m below the camera, which looks down by '
+        f'{figures.camera_pitch_deg:.0f} deg; if that is wrong, check the calibration'
+    )

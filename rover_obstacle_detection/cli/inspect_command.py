@@ -66,8 +66,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--write-calibration',
         metavar='DIR',
         type=Path,
-        help='write left.yaml and right.yaml with the row misalignment of the right image '
-        'corrected; for one bag with one stereo camera',
+        help='write left.yaml and right.yaml with the row misalignment and the lens distortion '
+        'corrected that the pairs show; for one bag with one stereo camera',
     )
     output.add_argument(
         '--force', action='store_true', help='replace existing calibration files in DIR'
@@ -134,7 +134,12 @@ def _inspect(
             failure = error
         if corrected and not corrected.for_raw_images:
             inspection = inspect_bag(
-                path, replace(options, calibration=CalibrationRequest(corrected.files))
+                path,
+                replace(
+                    options,
+                    calibration=CalibrationRequest(corrected.files),
+                    rectify=corrected.rectify,
+                ),
             )
     if not arguments.json:
         print(inspection_text(inspection), flush=True)

@@ -12,7 +12,7 @@ from rover_obstacle_detection.errors import CameraError, ImageError
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 
 _PINHOLE_MODELS = ('plumb_bob', 'rational_polynomial', '')
-_FISHEYE_MODEL = 'equidistant'
+FISHEYE_MODEL = 'equidistant'
 # Rectification crops and enlarges; with less, the calibration is of another camera.
 _MIN_SEEN_SHARE = 0.25
 
@@ -55,14 +55,14 @@ class Rectification:
             self._refuse(f'D is {info.d}: expected finite numbers')
         if not np.allclose(r @ r.T, np.identity(3), atol=1e-3):
             self._refuse(f'R is {info.r}: expected a rotation')
-        if info.distortion_model == _FISHEYE_MODEL:
+        if info.distortion_model == FISHEYE_MODEL:
             make_maps: Any = cv2.fisheye.initUndistortRectifyMap
         elif info.distortion_model in _PINHOLE_MODELS:
             make_maps = cv2.initUndistortRectifyMap
         else:
             self._refuse(
                 f'distortion_model is {info.distortion_model!r}: expected plumb_bob, '
-                f'rational_polynomial or {_FISHEYE_MODEL}'
+                f'rational_polynomial or {FISHEYE_MODEL}'
             )
         window, self._size = _window(info)
         k, p = window @ np.reshape(info.k, (3, 3)), window @ np.reshape(info.p, (3, 4))[:, :3]
@@ -71,14 +71,15 @@ class Rectification:
             self._columns, self._rows = make_maps(k, distortion, r, p, self._size, cv2.CV_16SC2)
         except cv2.error:
             self._refuse(f'D is {info.d}: expected the coefficients of {info.distortion_model}')
-        if self._seen_share() < _MIN_SEEN_SHARE:
+        if self.seen_share < _MIN_SEEN_SHARE:
             self._refuse(
                 f'with K {info.k}, D {info.d}, R {info.r} and P {info.p} only '
-                f'{self._seen_share():.0%} of the rectified image shows anything: expected at '
+                f'{self.seen_share:.0%} of the rectified image shows anything: expected at '
                 f'least {_MIN_SEEN_SHARE:.0%}'
             )
 
-    def _seen_share(self) -> float:
+    @property
+    def seen_share(self) -> float:
         """Share of the rectified image that lies within the raw one."""
         width, height = self._size
         column, row = self._columns[..., 0], self._columns[..., 1]

@@ -160,8 +160,7 @@ class _Run:
             self._detector_of(pair.camera),
             pair.left,
             pair.right,
-            self._topics.left_image,
-            self._topics.right_image,
+            *pair.names,
             on_stage=lap,
         )
         number = len(self._frames) + 1
@@ -177,7 +176,7 @@ class _Run:
         _logger.debug('pair at %d ns failed', pair.stamp_ns, exc_info=error)
         reason = failure_text(error)
         if not isinstance(error, (ImageError, UnjudgeablePairError)):
-            reason = f'{self._topics.left_image}, {self._topics.right_image}: {reason}'
+            reason = f'{pair.names[0]}, {pair.names[1]}: {reason}'
         unjudgeable = isinstance(error, UnjudgeablePairError)
         self._bad_frames.append(
             BadFrame(pair.stamp_ns, self._topics.left_image, reason, unjudgeable)

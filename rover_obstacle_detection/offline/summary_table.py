@@ -46,7 +46,12 @@ def replay_table(summaries: Sequence[ReplaySummary]) -> RenderableType:
 def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
     """Tabulate obstacles from near to far."""
     # Headers on two lines and no outer frame: fits a terminal of 80 columns.
-    table = Table(title=counted(len(obstacles), 'obstacle'), title_justify='left', show_edge=False)
+    table = Table(
+        title=counted(len(obstacles), 'obstacle'),
+        title_justify='left',
+        show_edge=False,
+        pad_edge=False,
+    )
     for name in (
         '#',
         'kind',
@@ -54,7 +59,7 @@ def obstacle_table(obstacles: Sequence[Obstacle]) -> Table:
         'height\nm',
         'width\nm',
         'depth\nm',
-        'confidence',
+        'confi-\ndence',
         'pixels',
         'box\nx y w h',
     ):

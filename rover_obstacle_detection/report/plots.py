@@ -196,7 +196,8 @@ def timeline_plot(
             values = [math.nan if value is None else value for value in panel.y]
             axes.plot(x, values, color=COLOURS[1], linewidth=1.2, marker=marker)
             axes.set_ylabel(panel.label)
-            axes.set_ylim(bottom=0)
+            axes.set_ylim(0, 1.1 * max(filter(math.isfinite, values), default=0) or 1)
+            axes.locator_params('y', nbins=4, integer=all(map(_is_whole, values)))
             for times, colour in ((warned, COLOURS[2]), (bad, COLOURS[0])):
                 axes.vlines(
                     times,
@@ -210,6 +211,10 @@ def timeline_plot(
                 )
         all_axes[-1].set_xlabel(x_label)
         return _svg(figure)
+
+
+def _is_whole(value: float) -> bool:
+    return not math.isfinite(value) or value == int(value)
 
 
 def _draw_line(axes: Any, line: Line) -> None:

@@ -172,7 +172,14 @@ def test_text_in_a_file_named_like_a_recording(tmp_path, name):
 def test_file_with_another_suffix(tmp_path):
     (tmp_path / 'notes.txt').write_text('no recording')
     line = error_of(tmp_path / 'notes.txt')
-    assert 'is not a recording: expected a rosbag2 folder or a .mcap, .db3, .bag file' in line
+    assert 'is not a recording: expected a rosbag2 folder, a .mcap, .db3, .bag file or a' in line
+
+
+def test_an_image_leads_to_the_folder_and_to_detect(tmp_path):
+    (tmp_path / 'left.PNG').write_bytes(b'')
+    line = error_of(tmp_path / 'left.PNG')
+    assert 'left.PNG: is an image: expected a rosbag2 folder, a .mcap' in line
+    assert 'a folder of images; for two image files, there is rover-obstacles detect' in line
 
 
 def test_folder_without_a_recording(tmp_path):

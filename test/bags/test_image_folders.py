@@ -107,7 +107,9 @@ def test_euroc_without_its_files_has_the_stamps_of_its_names(tmp_path):
     pairs = numbers_only(tmp_path)
     assert stamps(pairs) == [START_NS, START_NS + 50_000_000]
     assert_images(pairs)
-    with pytest.raises(BagError, match='no calibration for /stereo/left/image/compressed'):
+    with pytest.raises(
+        BagError, match='no calibration beside the images: expected one given with --fx'
+    ):
         read(tmp_path)
 
 
@@ -116,7 +118,8 @@ def test_a_listed_image_that_is_missing_is_a_bad_frame(tmp_path):
     bad, *good = read(tmp_path)
     assert isinstance(bad, BadFrame)
     assert bad.topic == '/stereo/right/image/compressed'
-    assert 'No such file' in bad.reason
+    file = tmp_path / 'mav0' / 'cam1' / 'data' / f'{START_NS}.png'
+    assert bad.reason == f'{file}: cannot be read: No such file or directory'
     assert len(good) == 2
 
 
@@ -209,6 +212,51 @@ def test_an_image_without_partner_is_counted(tmp_path):
     assert good.stamp_ns == SECOND_NS
     assert 'data is empty' in bad.reason
     assert (pairs.statistics.left, pairs.statistics.right, pairs.statistics.pairs) == (3, 2, 2)
+
+
+def test_bad_and_lone_images_are_named_by_their_files(tmp_path, caplog):
+    write_images(tmp_path, ('left', 'right'), 'abcdef')
+    left, right = tmp_path / 'left', tmp_path / 'right'
+    (left / 'b.png').write_bytes(b'no image')
+    (right / 'c.png').write_bytes((right / 'c.png').read_bytes()[:40])
+    cv2.imwrite(str(right / 'd.png'), pixels(0, 'right')[:-8])
+    (left / 'e.png').unlink()
+    (left / 'e.png').symlink_to(tmp_path / 'nothing.png')
+    (right / 'f.png').unlink()
+    good, *bad = numbers_only(tmp_path)
+    assert good.names == (str(left / 'a.png'), str(right / 'a.png'))
+    reasons = [each.reason for each in bad]
+    for reason, start in zip(
+        reasons,
+        (
+            f'{left / "b.png"}: data cannot be decoded as an image',
+            f'{right / "c.png"}: data is a PNG file of 40 bytes cut short',
+            f'{right / "d.png"} is {WIDTH} x {HEIGHT - 8}, {left / "d.png"} is {WIDTH} x ',
+            f'{left / "e.png"}: cannot be read: No such file or directory',
+        ),
+        strict=True,
+    ):
+        assert reason.startswith(start)
+    assert (f'no partner for {right / "e.png"}, {left / "f.png"}') in [
+        record.getMessage() for record in caplog.records
+    ]
+
+
+def test_only_the_first_lone_images_are_listed(tmp_path, caplog):
+    write_images(tmp_path, ('left', 'right'), 'abcdefgh')
+    for name in 'bcdefgh':
+        (tmp_path / 'right' / f'{name}.png').unlink()
+    assert len(numbers_only(tmp_path)) == 1
+    *_, record = caplog.records
+    assert record.getMessage().endswith(f'{tmp_path}/left/f.png and 2 others')
+
+
+def test_pairs_that_do_not_fit_the_calibration_are_named_by_their_files(tmp_path):
+    write_images(tmp_path, ('left', 'right'), 'ab')
+    for side in ('left', 'right'):
+        cv2.imwrite(str(tmp_path / side / 'b.png'), pixels(0, side)[:-8])
+    _, bad = numbers_only(tmp_path)
+    assert bad.reason.startswith(f'{tmp_path}/left/b.png and {tmp_path}/right/b.png are {WIDTH} x')
 
 
 def test_images_have_a_wire_format(tmp_path):

@@ -74,6 +74,9 @@ def test_files_and_table_match_the_detection(files, capsys):
     assert re.search(rf'│ rock +│ +{largest.range_m:.2f} │ +{largest.max_height_m:.2f} │', table)
     assert re.search(rf'│ +{largest.confidence:.2f} │ +{largest.pixels} │', table)
     assert f'{largest.left} {largest.top} {largest.width} {largest.height}' in table
+    ground = detection.ground
+    assert f'\nground: {ground.height_m:.2f} m below the camera, which looks down by ' in table
+    assert f' {ground.pitch_deg:.0f} deg; if that is wrong, check the calibration\n' in table
 
 
 def test_the_overlay_of_colour_images_is_in_colour(files):

@@ -6,6 +6,7 @@ import base64
 import csv
 import json
 import math
+import re
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
@@ -189,6 +190,16 @@ def test_bad_frames_and_warnings_are_in_the_timeline() -> None:
         assert colour.encode() not in plain
         assert marked.count(b'stroke: ' + colour.encode()) == count * len(panels)
     assert b'<!-- nearest, m -->' in plain
+
+
+def test_counts_have_whole_ticks_also_if_all_are_zero() -> None:
+    for counts, ticks in (([0, 0], [0, 1]), ([1, 2], [0, 1, 2])):
+        panel = Panel('obstacles', counts)
+        drawn = timeline_plot([10.0, 11.0], [panel], [], [], 'seconds').decode()
+        labels = re.findall(
+            r'<!-- ([\d.]+) -->', drawn[drawn.index('<g id="matplotlib.axis_2">') :]
+        )
+        assert labels == [str(each) for each in ticks]
 
 
 def test_a_missing_library_is_named_before_any_work(

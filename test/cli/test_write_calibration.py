@@ -8,6 +8,12 @@ from synthetic import render
 
 from rover_obstacle_detection.cli.main import main
 from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.rectification.lens_distortion import (
+    STRAIGHT_LENSES,
+    LensDistortion,
+    Lenses,
+)
+from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.messages.calibration import (
     load_camera_info,
     load_stereo_calibration,
@@ -51,9 +57,7 @@ def run(bag, folder, *options, status=0):
 def test_rows_agree_with_the_corrected_calibration(tmp_path, capsys, fault, name):
     bag = write(tmp_path, [fault] * 3, name)
     folder = tmp_path / 'corrected'
-    # Rectified images that are seven rows off cannot be replayed, and the files do not change it.
-    is_hopeless = name == 'image_rect' and fault[0] == 7
-    run(bag, folder, '--json', status=int(is_hopeless))
+    run(bag, folder, '--json')
     (found,) = json.loads(capsys.readouterr().out)
     written = found['written_calibration']
     rows, turn_deg = fault
@@ -61,6 +65,7 @@ def test_rows_agree_with_the_corrected_calibration(tmp_path, capsys, fault, name
     assert written['rows_off_px'] == pytest.approx(expected_px, abs=0.3)
     assert written['pairs'] == 3
     assert written['spread_px'] < 0.1
+    assert (written['lens_bend_px'], written['lens_problem']) == (0, '')
     assert written['files'] == [str(folder / 'left.yaml'), str(folder / 'right.yaml')]
 
     calibration = load_stereo_calibration(folder / 'left.yaml', folder / 'right.yaml')
@@ -136,16 +141,121 @@ def test_the_command_uses_the_files_for_raw_images(tmp_path, capsys, monkeypatch
     assert '--left-info corrected/left.yaml' in text
     assert '--right-info corrected/right.yaml' in text
     assert 'written corrected/left.yaml and corrected/right.yaml: rows off 2.' in text
-    assert 'lens distortion is not corrected' in text
+    assert 'No lens distortion to correct was found.' in text
     assert 'recalibrate' not in text
 
 
-def test_files_do_not_apply_to_rectified_images(tmp_path, capsys):
+def test_files_do_not_apply_to_images_that_their_calibration_rectified(tmp_path, capsys):
+    def change(side, info):
+        info.d[0] = -0.1
+
+    bag = write(tmp_path, [(1.0, 0.0)] * 3, 'image_rect', change_info=change)
+    run(bag, tmp_path / 'corrected')
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'Those of this recording are rectified already, and stay as they are: give the' in text
+    assert '--left-info' not in text
+    assert load_camera_info(tmp_path / 'corrected' / 'left.yaml').d[0] == -0.1
+
+
+def test_images_rectified_by_an_unknown_calibration_are_rectified_again(tmp_path, capsys):
     bag = write(tmp_path, [(1.0, 0.0)] * 3, 'image_rect')
     run(bag, tmp_path / 'corrected')
     text = ' '.join(capsys.readouterr().out.split())
-    assert 'Those of this recording are rectified already: give the files to the camera' in text
-    assert '--left-info' not in text
+    assert 'The files are for the images as recorded, rectified or not' in text
+    assert f'--rectify always \\ --left-info {tmp_path}/corrected/left.yaml' in text
+    assert 'rectified raw with --rectify always: replay rectifies them; rows off 0.0' in text
+
+
+LENSES = Lenses(LensDistortion(0.03, -0.01), LensDistortion(-0.02, 0.02))
+
+
+def bent_views():
+    """Pairs with `LENSES`, whose right images are also off by rows."""
+    return [
+        tuple(
+            cv2.remap(
+                image,
+                *view.straight_places(RectificationParameters()),
+                cv2.INTER_CUBIC,
+                borderMode=cv2.BORDER_REPLICATE,
+            )
+            for image, view in zip(images, LENSES.views(CAMERA), strict=True)
+        )
+        for images in views(*[(1.2, 0.3)] * 3)
+    ]
+
+
+@pytest.mark.parametrize(
+    ('name', 'd', 'turns'),
+    [
+        ('image_raw', (0.0,) * 5, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))),
+        ('image_raw', (-0.2, 0.04, 0.001, 0.0, 0.0), ((0.0, 0.02, 0.0), (0.01, -0.02, 0.005))),
+        ('image_rect', (0.0,) * 5, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))),
+        ('image_rect', (-0.2, 0.04, 0.001, 0.0, 0.0), ((0.0, 0.02, 0.0), (0.01, -0.02, 0.005))),
+    ],
+)
+def test_raw_images_are_straight_with_the_written_files(tmp_path, capsys, name, d, turns):
+    rotations = dict(
+        zip(('left', 'right'), (cv2.Rodrigues(np.array(turn))[0] for turn in turns), strict=True)
+    )
+    bent = bent_views()
+    raw = [
+        tuple(
+            raw_image(image, np.array(d), rotation)
+            for image, rotation in zip(pair, rotations.values(), strict=True)
+        )
+        for pair in bent
+    ]
+
+    def change(side, info):
+        info.d = np.array(d)
+        info.r = rotations[side].ravel()
+
+    images = raw if name == 'image_raw' else bent
+    bag = write_stereo_bag(tmp_path / 'drive', images=images, name=name, change_info=change)
+    run(bag, tmp_path, '--json')
+    (found,) = json.loads(capsys.readouterr().out)
+    written = found['written_calibration']
+    assert written['lens_bend_px'] == pytest.approx(LENSES.mean_bend_px(CAMERA), abs=0.3)
+    assert written['rows_off_px'] > 1.5
+    assert (written['remaining_lens_bend_px'], written['lens_problem']) == (0, '')
+    assert written['remaining_px'] < 0.1
+    assert not written['is_common_lens_corrected']
+    if not written['for_raw_images']:
+        (camera,) = found['cameras']
+        assert [each['lens_bend_px'] for each in camera['sample']['geometry']] == [0, 0, 0]
+
+    calibration = load_stereo_calibration(tmp_path / 'left.yaml', tmp_path / 'right.yaml')
+    assert calibration.camera.fx == pytest.approx(written['zoom'] * CAMERA.fx)
+    assert calibration.camera.baseline_m == pytest.approx(CAMERA.baseline_m)
+    # The other rectification has black corners already.
+    assert (written['zoom'] > 1) == (d[0] == 0)
+    assert written['zoom'] < 1.1
+    rectify = StereoRectification(calibration)
+    for pair in raw:
+        detection = Detector(calibration.camera).detect(*rectify(*pair))
+        assert detection.lenses == STRAIGHT_LENSES
+        # The rows were measured in the images as recorded.
+        assert detection.alignment.most_px(CAMERA) < (0.2 if written['for_raw_images'] else 0.1)
+
+
+def test_the_text_says_what_of_the_lenses_is_corrected(tmp_path, capsys):
+    bag = write_stereo_bag(tmp_path / 'drive', images=bent_views(), name='image_raw')
+    run(bag, tmp_path)
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'px before, 0.00 px after; of both, only the difference is corrected: pairs' in text
+    assert 'lenses bend 0.00 px (0.00 to 0.00) in 3 pairs' in text
+
+
+def test_distortion_that_pairs_do_not_share_is_left(tmp_path, capsys):
+    images = bent_views() + views(*[(1.2, 0.3)] * 3)[:2]
+    bag = write_stereo_bag(tmp_path / 'drive', 5, images=images, name='image_raw')
+    run(bag, tmp_path)
+    text = ' '.join(capsys.readouterr().out.split())
+    assert (
+        'Lens distortion is not corrected: it differs too much between the pairs: 80% are within'
+    ) in text
+    assert load_camera_info(tmp_path / 'left.yaml').d == (0,) * 5
 
 
 def test_a_correct_calibration_is_written_as_it_is(tmp_path, capsys):

@@ -43,7 +43,7 @@ def check_pair(
     p = parameters
     left, right = support.left_textured_share, support.right_textured_share
     if support.same_share > p.max_same_share:
-        raise UnjudgeablePairError('both images are the same: is one camera on both topics?')
+        raise UnjudgeablePairError('both images are the same: is one camera on both sides?')
     if max(left, right) < p.min_textured_share:
         if matched_share < p.min_matched_share:
             msg = f'neither image shows any texture: {_exposure(pair[0])}'

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
+from rover_obstacle_detection.bags.stereo import check_equal_sizes
 from rover_obstacle_detection.bags.topics import StereoTopics
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
@@ -20,6 +21,7 @@ from rover_obstacle_detection.detection.images.grey_pair import GreyPair, grey_p
 from rover_obstacle_detection.detection.methods.measurement import find_ground, match_coarsely
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES
 from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.rectify import Rectified
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.stereo.coarse import coarse_camera
@@ -87,8 +89,16 @@ class GeometryMeasures:
 
 def sample_images(
     bag: BagReader, topics: StereoTopics, pairs: Sequence[Pair], most: int
-) -> Iterator[Images | Exception]:
-    """Decode up to `most` pairs spread over the recording; yield why one cannot be decoded."""
+) -> Iterator[tuple[str, Images | Exception]]:
+    """Decode up to `most` pairs spread over the recording.
+
+    Yields
+    ------
+    files : str
+        Those of the pair; empty unless the recording is a folder of images.
+    images : tuple of two ndarray, or Exception
+        Or why they cannot be decoded.
+    """
     if not pairs:
         return
     places = np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(int)
@@ -110,17 +120,26 @@ def sample_images(
         index, side = place
         waiting.setdefault(index, {})[side] = message
         if topics.is_side_by_side or len(waiting[index]) == 2:
-            yield _decoded(waiting.pop(index), topics)
+            stamps = chosen[index].left[1], chosen[index].right[1]
+            names = [bag.name_of(*each) for each in zip(sides, stamps, strict=True)]
+            files = '' if names[0] == sides[0] else ', '.join(dict.fromkeys(names))
+            images = _decoded(waiting.pop(index), names, is_side_by_side=topics.is_side_by_side)
+            yield files, images
 
 
-def _decoded(messages: dict[int, Any], topics: StereoTopics) -> Images | Exception:
+def _decoded(
+    messages: dict[int, Any], names: Sequence[str], *, is_side_by_side: bool
+) -> Images | Exception:
     """Decode the images of both sides, or the one image with both views."""
-    left, right = topics.left_image, topics.right_image
+    left_name, right_name = names
     try:
-        if topics.is_side_by_side:
+        if is_side_by_side:
             (both,) = messages.values()
-            return halves(decode_any_image(both, left), left)
-        return decode_any_image(messages[0], left), decode_any_image(messages[1], right)
+            return halves(decode_any_image(both, left_name), left_name)
+        left = decode_any_image(messages[0], left_name)
+        right = decode_any_image(messages[1], right_name)
+        check_equal_sizes(left, right, names)
+        return left, right
     except Exception as error:
         return error
 
@@ -152,12 +171,11 @@ def measure_geometry(pair: GreyPair, camera: StereoCamera) -> GeometryMeasures |
     matched = _match(pair, camera)
     if matched is None:
         return None
-    rows, reduced, coarse = matched
-    found = coarse.correction
+    found, reduced, coarse = matched
     ground, _ = find_ground(found.straightened(reduced), coarse, p)
     return GeometryMeasures(
-        rows,
-        rows.most_px(camera),
+        found.rows,
+        found.rows.most_px(camera),
         found.lenses.mean_bend_px(camera),
         swapped=False,
         upside_down=not ground.measured
@@ -165,14 +183,14 @@ def measure_geometry(pair: GreyPair, camera: StereoCamera) -> GeometryMeasures |
     )
 
 
-def measure_rows(pair: GreyPair, camera: StereoCamera) -> RowAlignment | None:
-    """Measure only by how many rows the right image is off; None if there are too few matches."""
+def measure_rectification(pair: GreyPair, camera: StereoCamera) -> Correction | None:
+    """Measure only the rectification error of a pair; None if it has too few matches."""
     matched = _match(pair, camera)
     return matched[0] if matched else None
 
 
-def _match(pair: GreyPair, camera: StereoCamera) -> tuple[RowAlignment, Frame, Rectified] | None:
-    """Return the row shift, the pair that was matched, and its match."""
+def _match(pair: GreyPair, camera: StereoCamera) -> tuple[Correction, Frame, Rectified] | None:
+    """Return the rectification error, the pair that was matched, and its match."""
     p = _PARAMETERS
     # The detector looks for row shifts of a few pixels; a larger one is taken out before.
     shift_px = row_offset(pair, p.stereo.support)
@@ -185,4 +203,5 @@ def _match(pair: GreyPair, camera: StereoCamera) -> tuple[RowAlignment, Frame, R
     if np.count_nonzero(coarse.disparity) < p.rectification.min_matched_pixels:
         return None
     rows = coarse.correction.rows
-    return replace(rows, offset_px=rows.offset_px + shift_px), reduced, coarse
+    rows = replace(rows, offset_px=rows.offset_px + shift_px)
+    return replace(coarse.correction, rows=rows), reduced, coarse

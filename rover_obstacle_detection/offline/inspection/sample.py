@@ -71,10 +71,11 @@ def take_sample(
     geometry: list[GeometryMeasures] = []
     unjudgeable: list[str] = []
     usable, judged = 0, False
-    for decoded in sample_images(bag, topics, pairs, most):
+    for files, decoded in sample_images(bag, topics, pairs, most):
+        if isinstance(decoded, Exception):
+            bad.append(failure_text(decoded))
+            continue
         try:
-            if isinstance(decoded, Exception):
-                raise decoded
             left, right = decoded
             grey = as_grey(left, right)
             images.append((ImageMeasures.of(grey[0]), ImageMeasures.of(grey[1])))
@@ -101,7 +102,7 @@ def take_sample(
                 judged = not reason
                 unjudgeable.append(reason)
         except Exception as error:
-            bad.append(failure_text(error))
+            bad.append(': '.join(filter(None, (files, failure_text(error)))))
     return Sample(
         usable,
         tuple(bad),

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.bags.reader import BadMessage, BagReader
-from rover_obstacle_detection.errors import failure_text
 from rover_obstacle_detection.messages.calibration import CameraInfo
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.messages.image_header import declared_size
 from rover_obstacle_detection.offline.replay import rounded_up
 from rover_obstacle_detection.pairing import Pair, StereoPairing, shows_one_moment
+from rover_obstacle_detection.wording import counted
 
 # With fewer equal stamps than this share of the images, a tolerance may find more pairs.
 _EQUAL_SHARE = 0.9
@@ -69,21 +69,23 @@ class Stream:
         """Images per second."""
         return 1e9 / self.spacing_ns if self.spacing_ns else None
 
-    def take(self, log_time_ns: int, message: Any) -> None:
-        """Add a message."""
+    def take(self, log_time_ns: int, message: Any, name: str = '') -> None:
+        """Add a message; the reason why it is bad begins with `name`."""
+        if reason := self._take(log_time_ns, message):
+            self.bad.append(f'{name}: {reason}' if name else reason)
+
+    def _take(self, log_time_ns: int, message: Any) -> str:
+        """Add a message unless it is bad; return why it is."""
         if isinstance(message, BadMessage):
-            self.bad.append(message.reason)
-            return
+            return message.reason
         stamp = stamp_ns(message.header)
         if stamp <= 0:
-            self.bad.append(f'header.stamp is {stamp / 1e9:g} s: expected more than 0')
-            return
+            return f'header.stamp is {stamp / 1e9:g} s: expected more than 0'
         data = np.frombuffer(message.data, np.uint8)
         try:
             width, height = _size(message)
         except ValueError as error:
-            self.bad.append(failure_text(error))
-            return
+            return f'{error}, got {counted(data.size, "byte")}'
         self.sizes.add(f'{width} x {height}')
         self.encodings.add(str(getattr(message, 'encoding', None) or message.format).strip())
         if self._latest is not None and np.array_equal(data, self._latest):
@@ -91,6 +93,7 @@ class Stream:
         self._latest = data
         self.stamps_ns.append(stamp)
         self.log_times_ns.append(log_time_ns)
+        return ''
 
 
 def _size(message: Any) -> tuple[int, int]:
@@ -138,7 +141,8 @@ def read_streams(
     infos = {topic: InfoStream() for topic in info_topics}
     for topic, log_time_ns, message in bag.messages({*streams, *infos}):
         if topic in streams:
-            streams[topic].take(log_time_ns, message)
+            file = bag.file_of(topic, log_time_ns)
+            streams[topic].take(log_time_ns, message, str(file or ''))
         else:
             infos[topic].take(message)
     return streams, infos

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_obstacle_detection.messages.raw_images import BY_NAME
+from rover_obstacle_detection.messages.raw_images import ALWAYS, BY_NAME
 from rover_obstacle_detection.offline.inspection.corrected_calibration import (
     CorrectedCalibration,
 )
@@ -25,6 +25,7 @@ from rover_obstacle_detection.wording import counted
 
 _COLUMNS = 80
 _LABEL = 16
+_DIFFERENCE_ONLY = '; of both, only the difference is corrected: pairs hardly show the rest.'
 _TOPICS = ('left_image', 'right_image', 'left_info', 'right_info')
 
 
@@ -64,13 +65,36 @@ def corrected_text(corrected: CorrectedCalibration) -> str:
         'written',
         f'{files}: rows off {corrected.rows_off_px:.2f} px before, '
         f'{corrected.remaining_px:.2f} px after; median of {corrected.pairs} pairs, 80% within '
-        f'{corrected.spread_px:.2f} px of it; lens distortion is not corrected',
+        f'{corrected.spread_px:.2f} px of it',
     )
+    if corrected.lens_problem:
+        lines += _row('', f'Lens distortion is not corrected: {corrected.lens_problem}.')
+    elif corrected.lens_bend_px:
+        lines += _row(
+            '',
+            f'Lenses bend {corrected.lens_bend_px:.2f} px before, '
+            f'{corrected.remaining_lens_bend_px:.2f} px after'
+            + ('.' if corrected.is_common_lens_corrected else _DIFFERENCE_ONLY),
+        )
+        if corrected.zoom > 1:
+            lines += _row(
+                '',
+                f'Rectified images are enlarged by {corrected.zoom - 1:.1%}, so that no border '
+                'turns black.',
+            )
+    else:
+        lines += _row('', 'No lens distortion to correct was found.')
     if corrected.for_raw_images:
         lines += _row(
             '',
-            'The files are for raw images. Those of this recording are rectified already: give '
-            'the files to the camera driver.',
+            'The files are for raw images. Those of this recording are rectified already, and '
+            'stay as they are: give the files to the camera driver.',
+        )
+    elif corrected.rectify == ALWAYS:
+        lines += _row(
+            '',
+            'The files are for the images as recorded, rectified or not: use them with '
+            '--rectify always.',
         )
     return '\n'.join(lines)
 

@@ -68,7 +68,7 @@ def test_a_pair_that_agrees_is_not_searched_for_faults():
 def test_the_same_image_twice_is_named(same_share, refused):
     support = replace(GOOD, same_share=same_share)
     if refused:
-        assert refusal(support) == 'both images are the same: is one camera on both topics?'
+        assert refusal(support) == 'both images are the same: is one camera on both sides?'
     else:
         assert check(support) == ()
 
