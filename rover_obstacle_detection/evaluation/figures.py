@@ -50,6 +50,10 @@ class Figures:
     checked_obstacle_pixels : int
         Obstacle pixels in the frames where the method reports what is known; 0 for a method
         that never does.
+    confirmed_free : int
+        Free pixels that the method reports as known and does not flag.
+    checked_free_pixels : int
+        Free pixels in the frames where the method reports what is known.
     """
 
     frames: int = 0
@@ -64,6 +68,8 @@ class Figures:
     false_alarms: int = 0
     called_free: int = 0
     checked_obstacle_pixels: int = 0
+    confirmed_free: int = 0
+    checked_free_pixels: int = 0
 
     def __add__(self, other: Figures) -> Figures:
         return Figures(
@@ -122,6 +128,11 @@ class Figures:
         """Share of the obstacle pixels called free; None if no method reported what is known."""
         return _ratio(self.called_free, self.checked_obstacle_pixels)
 
+    @property
+    def confirmed_free_share(self) -> float | None:
+        """Share of the free pixels called free; None if no method reported what is known."""
+        return _ratio(self.confirmed_free, self.checked_free_pixels)
+
 
 _COUNTS = fields(Figures)
 
@@ -155,6 +166,7 @@ def score(
         raise ValueError(msg)
     flagged = mask != 0
     counted, obstacle = is_counted(labels), is_obstacle(labels)
+    free = np.zeros_like(flagged) if known is None else known & ~flagged
     true_positives = int(np.count_nonzero(flagged & obstacle))
     predicted = int(np.count_nonzero(flagged & counted))
     actual = int(np.count_nonzero(obstacle))
@@ -170,8 +182,10 @@ def score(
         areas=len(areas.numbers),
         areas_found=int(are_found(areas, flagged).sum()),
         false_alarms=len(false_alarms(flagged, labels).numbers),
-        called_free=0 if known is None else int(np.count_nonzero(known & obstacle & ~flagged)),
+        called_free=int(np.count_nonzero(free & obstacle)),
         checked_obstacle_pixels=0 if known is None else actual,
+        confirmed_free=int(np.count_nonzero(free & counted & ~obstacle)),
+        checked_free_pixels=0 if known is None else int(np.count_nonzero(counted)) - actual,
     )
 
 

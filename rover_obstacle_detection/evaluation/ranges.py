@@ -51,10 +51,10 @@ def score_by_range(
     counted = is_counted(labels) & np.isfinite(depth_m)
     kind = 4 * span + 2 * flagged + is_obstacle(labels)
     pixels = np.bincount(kind[counted], minlength=4 * spans).reshape(spans, 2, 2)
-    called_free = np.zeros(spans, np.intp)
+    free = np.zeros((spans, 2), np.intp)
     if known is not None:
-        free = known & ~flagged & is_obstacle(labels) & counted
-        called_free = np.bincount(span[free], minlength=spans)
+        free_kind = (2 * span + is_obstacle(labels))[counted & known & ~flagged]
+        free = np.bincount(free_kind, minlength=2 * spans).reshape(spans, 2)
     rocks, areas = rocks_to_find(labels, instances), areas_to_find(labels)
     alarms = false_alarms(flagged, labels)
     rocks_by_span = _by_span(rocks, depth_m)
@@ -74,8 +74,10 @@ def score_by_range(
             areas=int(areas_by_span[index]),
             areas_found=int(areas_found[index]),
             false_alarms=int(alarms_by_span[index]),
-            called_free=int(called_free[index]),
+            called_free=int(free[index, 1]),
             checked_obstacle_pixels=0 if known is None else int(pixels[index, :, 1].sum()),
+            confirmed_free=int(free[index, 0]),
+            checked_free_pixels=0 if known is None else int(pixels[index, :, 0].sum()),
         )
         for index in range(spans)
     )

@@ -26,6 +26,7 @@ RATIOS = (
     'obstacle_recall',
     'false_alarms_per_frame',
     'called_free_share',
+    'confirmed_free_share',
 )
 
 

@@ -20,6 +20,7 @@ FIGURES = (
     'obstacles found',
     'false alarms per frame',
     'obstacle pixels called free',
+    'free pixels called free',
 )
 
 # Stages that change mean IoU by less than this are left to the full ablation table.
@@ -105,4 +106,5 @@ def _figures(results: Sequence[SceneResult]) -> tuple[str, ...]:
         found_of(pooled),
         number(pooled.false_alarms_per_frame, 2),
         percent(pooled.called_free_share, 1),
+        percent(pooled.confirmed_free_share, 1),
     )

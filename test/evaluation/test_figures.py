@@ -164,6 +164,17 @@ def test_missed_pixels_are_called_free_only_where_known() -> None:
     assert score(mask_of(), *frame(), ~known).called_free == 600 - 100 - 200
 
 
+def test_free_pixels_are_confirmed_only_where_known() -> None:
+    known = np.zeros(SHAPE, bool)
+    known[SKY] = True
+    known[40:50] = True
+    # A false alarm on ground, which is known but not free.
+    figures = score(mask_of(ROCK, np.s_[40:42]), *frame(), known)
+    assert (figures.confirmed_free, figures.checked_free_pixels) == (8 * 80, 3400)
+    assert figures.confirmed_free_share == pytest.approx(640 / 3400)
+    assert score(mask_of(ROCK), *frame()).confirmed_free_share is None
+
+
 def test_different_shapes_are_refused() -> None:
     labels, instances = frame()
     with pytest.raises(ValueError, match=r'\(10, 80\)'):

@@ -84,6 +84,7 @@ def test_figures_are_divided_by_distance() -> None:
         rocks=1,
         rocks_found=1,
         checked_obstacle_pixels=200,
+        checked_free_pixels=39 * 30 - 200,
     )
     assert spans['4-6 m'] == Figures(
         frames=1,
@@ -94,6 +95,8 @@ def test_figures_are_divided_by_distance() -> None:
         false_alarms=1,
         called_free=100,
         checked_obstacle_pixels=200,
+        confirmed_free=39 * 15 - 100 - 120,
+        checked_free_pixels=39 * 30 - 200,
     )
     assert spans['over 15 m'] == Figures()
     together = total(spans.values())
