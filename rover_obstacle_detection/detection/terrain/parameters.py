@@ -48,12 +48,20 @@ class VerticalParameters:
     search_cells : int
         With more cells than this, the search for a bend uses every `search_thinning`-th.
     search_thinning : int
+    step_distances : int
+        Distances at which a step is tried, first everywhere and then around the best.
+    step_width_m : float
+        Half-length over which the height changes at a step. Derived: a cell of the map.
+    max_steps : int
+        Most steps that are fitted.
     cost_tolerance : float
         Relative excess cost at which a bend's weight in the mean falls to 1 / e.
     min_bend_deg : float
         Smaller bends are undulation.
     max_cost_share : float
-        Cost of a bent fit, relative to a flat one, above which there is no bend.
+        Cost of a bent fit, relative to a flat one, above which there is no bend; of steps,
+        relative to the better of both, above which there are none; of one more step, relative to
+        those without it, above which there are no more.
     max_turn_deg : float
         Greatest angle between the vertical and the normal of the ground plane; beyond it, the
         normal counts. Set between 8 degrees, the most on slopes and dunes, and 18 beside a canyon.
@@ -80,6 +88,9 @@ class VerticalParameters:
     bend_widths_m: tuple[float, ...] = (0.05, 0.15, 0.3, 0.5)
     search_cells: int = 500
     search_thinning: int = 4
+    step_distances: int = 14
+    step_width_m: float = 0.05
+    max_steps: int = 4
     cost_tolerance: float = 0.1
     min_bend_deg: float = 6.0
     max_cost_share: float = 0.6

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,9 @@ def estimate_vertical(
     metre (softplus). An early wide bend fits about as well as a later one of half the angle, so
     the bend is the mean of all bends, weighted by fit.
 
+    A ledge or a terrace ahead would tilt a plane as well. So steps between levels of one slope are
+    fitted too. If they fit much better than a plane and a bend, that slope counts.
+
     All fits are iteratively reweighted least squares with Cauchy weights.
     """
     p = parameters.vertical
@@ -57,7 +61,10 @@ def estimate_vertical(
     thinned = cells[:: p.search_thinning if len(cells) > p.search_cells else 1]
     bend = _mean_bend(thinned, p)
     flat_cost = _fit(thinned, None, 1.0, p)[1]
-    if bend.min_cost < p.max_cost_share * flat_cost and bend.angle_deg > p.min_bend_deg:
+    steps = _find_steps(thinned, p)
+    if steps.cost < p.max_cost_share * min(flat_cost, bend.min_cost):
+        rises = steps.rises
+    elif bend.min_cost < p.max_cost_share * flat_cost and bend.angle_deg > p.min_bend_deg:
         rises = _rises_before(bend, cells, p)
     else:
         rises = _fit(cells, None, 1.0, p)[0][1:3]
@@ -127,6 +134,60 @@ def _mean_bend(cells: Cells, p: VerticalParameters) -> _Bend:
     return _Bend(turn, distance_m, rise_right, before, beyond, float(costs.min()))
 
 
+class _Steps(NamedTuple):
+    """Ground with steps up or down at some distances, and one slope before and behind them."""
+
+    distances_m: tuple[float, ...]
+    rises: NDArray[np.float64]
+    cost: float
+
+
+def _find_steps(cells: Cells, p: VerticalParameters) -> _Steps:
+    """Find the steps that fit best, one after the other while each improves the fit by much."""
+    first, last = np.quantile(cells[:, 1], (p.tail_share, 1 - p.tail_share))
+    distances_m = np.geomspace(first, p.last_hinge * last, p.step_distances + 1)[1:]
+    each_turn = [math.radians(turn_deg) for turn_deg in p.turns_deg]
+    found = [_with_step(cells, each, (), distances_m, p) for each in each_turn]
+    number = int(np.argmin([steps.cost for steps in found]))
+    steps = found[number]
+    while len(steps.distances_m) < p.max_steps:
+        more = _with_step(cells, each_turn[number], steps.distances_m, distances_m, p)
+        if more.cost > p.max_cost_share * steps.cost:
+            break
+        steps = more
+    return steps
+
+
+def _with_step(
+    cells: Cells,
+    turn: float,
+    steps_m: tuple[float, ...],
+    distances_m: NDArray[np.float64],
+    p: VerticalParameters,
+) -> _Steps:
+    """Add the step that fits best to some others, all across a direction turned to the right."""
+    turned = _turned(cells, turn)
+    ratio = distances_m[1] / distances_m[0]
+    best_m = 0.0
+    # First everywhere, then around the best.
+    for tried_m in (distances_m, ratio ** np.linspace(-1, 1, len(distances_m))):
+        tried_m = tried_m * (best_m or 1)
+        design = np.stack([_step_design(turned, (*steps_m, float(each)), p) for each in tried_m])
+        solutions, costs = _solve(design, turned, p)
+        best = int(np.argmin(costs))
+        best_m = float(tried_m[best])
+    rises = solutions[best, 1:3] @ _rotation(turn)
+    return _Steps((*steps_m, best_m), np.asarray(rises), float(costs[best]))
+
+
+def _step_design(
+    cells: Cells, steps_m: tuple[float, ...], p: VerticalParameters
+) -> NDArray[np.float64]:
+    across, forward = cells[:, 0], cells[:, 1]
+    beyond = (forward - np.array(steps_m)[:, np.newaxis]) / p.step_width_m
+    return np.stack((np.ones_like(across), across, forward, *(0.5 + 0.5 * np.tanh(beyond))))
+
+
 def _rotation(turn: float) -> NDArray[np.float64]:
     """From right and forward to across and along a direction turned to the right."""
     return np.array(
@@ -184,21 +245,28 @@ def _fits(
     same heights and weights. A hinge at infinity fits a plane.
     """
     across, forward = cells[..., 0], cells[..., 1]
-    height, share = cells[0, :, 2], cells[0, :, 3]
-    design = np.empty((len(hinges_m), 4, len(height)))
+    design = np.empty((len(hinges_m), 4, cells.shape[1]))
     design[:, 0], design[:, 1], design[:, 2] = 1, across, forward
     bent = np.isfinite(hinges_m)
     beyond = (forward - np.where(bent, hinges_m, 0)[:, np.newaxis]) / widths_m[:, np.newaxis]
     # softplus
     design[:, 3] = np.log1p(np.exp(-np.abs(beyond))) + np.maximum(beyond, 0)
     design[:, 3] *= np.where(bent, widths_m, 0)[:, np.newaxis]
+    return _solve(design, cells[0], p)
+
+
+def _solve(
+    design: NDArray[np.float64], cells: Cells, p: VerticalParameters
+) -> tuple[Cells, Cells]:
+    """Solve for the heights of the cells by each design, shape (n, unknowns, cells)."""
+    height, share = cells[:, 2], cells[:, 3]
     transposed = design.transpose(0, 2, 1)
-    weight = np.broadcast_to(share, (len(hinges_m), len(height)))
+    weight = np.broadcast_to(share, (len(design), len(height)))
     for _ in range(p.iterations):
         weighted = design * weight[:, np.newaxis]
         normal_matrix = weighted @ transposed
         trace = np.trace(normal_matrix, axis1=1, axis2=2)
-        normal_matrix += 1e-6 * trace[:, np.newaxis, np.newaxis] * np.identity(4)
+        normal_matrix += 1e-6 * trace[:, np.newaxis, np.newaxis] * np.identity(design.shape[1])
         solution = np.linalg.solve(normal_matrix, (weighted @ height)[..., np.newaxis])
         residual = height - (transposed @ solution)[..., 0]
         residual /= p.relief_m

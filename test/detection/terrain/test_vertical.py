@@ -72,6 +72,25 @@ def test_slope_ahead_does_not_count(angle, start, softness):
     assert apart_deg(vertical(bank(angle, start, softness), high), high.up) < 2
 
 
+def terraces(*edges, step_m, turn=0.0):
+    """Level ground that steps up beyond each line across the view."""
+    return lambda x, y: sum((y > edge + turn * x) * step_m for edge in edges)
+
+
+@pytest.mark.parametrize(
+    ('edges', 'step_m', 'turn'),
+    [((2.5,), 0.15, 0.0), ((2.5,), 0.4, 0.3), ((2.0,), -0.2, 0.0), ((2.0, 3.0, 4.0), 0.15, 0.0)],
+)
+def test_ledges_and_terraces_do_not_tilt_the_vertical(edges, step_m, turn):
+    high = PosedCamera(height_m=2.0)
+    assert apart_deg(vertical(terraces(*edges, step_m=step_m, turn=turn), high), high.up) < 0.5
+
+
+def test_a_ledge_on_a_slope_does_not_tilt_the_vertical():
+    height = together(tilted(0.1, 0.05), terraces(2.5, step_m=0.3))
+    assert apart_deg(vertical(height), normal_of(0.1, 0.05)) < 0.5
+
+
 @pytest.mark.parametrize(('pitch_deg', 'height_m'), [(45, 1.2), (46, 0.9)])
 def test_slope_that_begins_gently_hardly_counts(pitch_deg, height_m):
     # A later bend of a smaller angle fits about as well as the true one.
