@@ -17,7 +17,12 @@ from rover_obstacle_detection.bags.topics import (
     side_by_side_topics,
 )
 from rover_obstacle_detection.calibration_files.request import WAYS
-from rover_obstacle_detection.errors import BagError, CameraError
+from rover_obstacle_detection.errors import (
+    BagError,
+    CameraError,
+    ObstacleDetectionError,
+    failure_text,
+)
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
 
 
@@ -179,7 +184,9 @@ def _attempt(entry: Entry, convert: Callable[[Entry], Any]) -> Any:
     try:
         return convert(entry)
     except Exception as error:
-        reason = f'{entry.type_name} cannot be decoded: {type(error).__name__}: {error}'
+        reason = failure_text(error)
+        if not isinstance(error, ObstacleDetectionError):
+            reason = f'{entry.type_name} cannot be decoded: {reason}'
         return BadMessage(entry.topic, entry.log_time_ns, reason)
 
 
