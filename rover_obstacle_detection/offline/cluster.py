@@ -82,14 +82,22 @@ def run_on_cluster(
             run.end()
 
 
+class _Client(distributed.Client):  # type: ignore[misc]
+    """A client that is closed explicitly."""
+
+    def __del__(self) -> None:
+        """Do nothing: Dask's own waits in vain for a client that could not connect."""
+
+
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Any]:
     try:
         with warnings.catch_warnings():
             # The workers' versions are compared below, with those that matter here.
             warnings.simplefilter('ignore', VersionMismatchWarning)
-            client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
-    except (*_UNREACHABLE, ValueError) as error:
+            client = _connect(address)
+    except Exception as error:
+        # Addresses of an unknown form, or TLS without certificates, raise whatever Dask does.
         raise ClusterError(
             f'cannot reach the scheduler {address}: {failure_text(error)}'
         ) from error
@@ -97,6 +105,19 @@ def _connected(address: str) -> Iterator[Any]:
         yield client
     finally:
         client.close()
+
+
+def _connect(address: str) -> Any:
+    for _ in range(_MOST_RETRIES):
+        # The scheduler tells every client of a cancelled run. If it does so with its greeting,
+        # a check of Dask fails.
+        with contextlib.suppress(AssertionError):
+            return _client(address)
+    return _client(address)
+
+
+def _client(address: str) -> _Client:
+    return _Client(address, timeout=_CONNECT_S, set_as_default=False)
 
 
 class _Run(Generic[Result]):
