@@ -100,6 +100,10 @@ def alias_bomb(folder: Path) -> list[str]:
     return [*unusable()(folder), '--params', str(folder / 'bomb.yaml')]
 
 
+def upright(folder: Path) -> list[str]:
+    return _arguments(write_stereo_bag(folder / 'drive', pairs=2), '--set', 'upside_down=true')
+
+
 def infos(change: Callable[[str, Any], None]) -> Recording:
     """Change the calibration of all pairs."""
     return unusable(change_info=change)

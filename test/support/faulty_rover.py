@@ -138,6 +138,16 @@ def upside_down(rover: FaultyRover) -> Iterator[None]:
         yield
 
 
+def upright(rover: FaultyRover) -> Iterator[None]:
+    rover.set(upside_down=True)
+    try:
+        while True:
+            rover.camera.send(CAMERA, *rover.exposure(), rover.next_stamp())
+            yield
+    finally:
+        rover.set(upside_down=False)
+
+
 def raw_images(**fields: Any) -> Injection:
     """Rectify the images, with these values in the calibration of both cameras."""
 

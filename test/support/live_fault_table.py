@@ -221,6 +221,12 @@ LIVE_ROWS = (
         'down? Then set upside_down to true',
         faults.upside_down,
     ),
+    bad_pair(
+        '`upside_down` for a camera that is mounted upright',
+        f'{LEFT}, {RIGHT}: the ground is at the bottom of the images, but upside_down is true: is '
+        'the camera mounted upright? Then set upside_down to false',
+        faults.upright,
+    ),
     # Load
     Row(
         LIVE,

@@ -118,6 +118,13 @@ REPLAY_ROWS = (
     ),
     Row(
         REPLAY,
+        '`upside_down` for a camera that is mounted upright',
+        '…: no usable pair: … the ground is at the bottom of the images, but upside_down is true: '
+        'is the camera mounted upright? Then set upside_down to false',
+        recorded.upright,
+    ),
+    Row(
+        REPLAY,
         'a parameter file that unfolds to gigabytes',
         '…: is not valid YAML: anchors and aliases are not supported on line 1',
         recorded.alias_bomb,
