@@ -74,7 +74,7 @@ def run_on_cluster(
     ClusterError
         If the scheduler cannot be reached, or a worker cannot import this package.
     """
-    with _connected(address) as client:
+    with _quiet(), _connected(address) as client:
         run = _Run(client, address, works, on_progress)
         try:
             yield from run.results(stopped)
@@ -87,6 +87,17 @@ class _Client(distributed.Client):  # type: ignore[misc]
 
     def __del__(self) -> None:
         """Do nothing: Dask's own waits in vain for a client that could not connect."""
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep back what Dask's client logs of a lost scheduler, with tracebacks: each bag says so."""
+    logger = logging.getLogger('distributed.client')
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 @contextlib.contextmanager

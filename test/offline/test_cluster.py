@@ -338,6 +338,28 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_scheduler_that_dies_is_named_once_for_each_bag(bags, tmp_path, caplog, monkeypatch):
+    monkeypatch.setattr(module, '_CONNECT_S', 2)
+    file = tmp_path / 'scheduler.json'
+    command = [sys.executable, '-m', 'distributed.cli.dask_scheduler', '--no-dashboard']
+    command += ['--host', '127.0.0.1', '--port', '0', '--scheduler-file', str(file)]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as scheduler:
+        with distributed.Client(scheduler_file=str(file), set_as_default=False) as client:
+            address = client.scheduler.address
+
+        def stopped():
+            if said(caplog):
+                scheduler.kill()
+            return False
+
+        jobs = plan_jobs(bags('one', 'two'), Path('out'))
+        results = dict(replay_jobs(jobs, OPTIONS, 1, ignore, stopped, address))
+    assert [str(results[index]).split(': ')[:2] for index in (0, 1)] == [
+        [name, f'lost the scheduler {address}'] for name in ('one', 'two')
+    ]
+    assert not [each for each in caplog.records if each.name == 'distributed.client']
+
+
 @pytest.mark.parametrize('address', ['rack1', 'foo://1', 'tcp://', 'tls://127.0.0.1:9'])
 def test_an_address_of_another_form_is_named(tmp_path, address):
     jobs = plan_jobs([tmp_path / 'bag'], tmp_path / 'out')
