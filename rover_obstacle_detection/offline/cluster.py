@@ -46,6 +46,7 @@ _CLEAN_UP_S = 60.0
 _CHECK_S = 30.0
 # A worker that dies before it begins a bag may have died of something else, but not every time.
 _MOST_RETRIES = 3
+_ENDED = ('finished', 'error', 'cancelled')
 _UNREACHABLE = (OSError, distributed.TimeoutError)
 
 _logger = logging.getLogger(__name__)
@@ -177,14 +178,17 @@ class _Run(Generic[Result]):
             time.sleep(_POLL_S)
 
     def _ended(self, is_stopping: bool) -> Iterator[Ended[Result]]:
-        done = [index for index, future in self._futures.items() if future.done()]
+        # Once for all: a result that is there may die with its worker, and is then made again.
+        statuses = {index: future.status for index, future in self._futures.items()}
         self._take_messages()
-        for index in done:
+        for index, status in statuses.items():
+            if status not in _ENDED:
+                continue
             if self._has_died_with_another(index) and (is_stopping or self._may_retry(index)):
                 del self._futures[index]
                 self._waiting.appendleft(index)
                 continue
-            result = self._result(index)
+            result = self._result(index, status)
             del self._futures[index]
             yield index, result
 
@@ -327,12 +331,12 @@ class _Run(Generic[Result]):
         )
         return True
 
-    def _result(self, index: int) -> Result | ObstacleDetectionError:
+    def _result(self, index: int, status: str) -> Result | ObstacleDetectionError:
         future, name = self._futures[index], self._works[index].name
-        if future.status == 'finished':
+        if status == 'finished':
             result: Result | ObstacleDetectionError = future.result()
             return result
-        if future.status == 'cancelled':
+        if status == 'cancelled':
             return ClusterError(f'{name}: the scheduler {self._address} has cancelled it')
         return ClusterError(f'{name}: {_failure_text(future.exception())}')
 

@@ -45,8 +45,13 @@ TIMES = {'ms', 'median_ms', 'plain_sgbm_ms', 'times_plain_sgbm'}
 @contextlib.contextmanager
 def local_cluster(folder, workers, **options):
     """Start a cluster; yield a client of it."""
+    settings = {
+        'distributed.scheduler.allowed-failures': 1,
+        # On a slow computer, the cluster would not wait for one that takes a dead one's place.
+        'distributed.deploy.lost-worker-timeout': '1 hour',
+    }
     with (
-        dask.config.set({'distributed.scheduler.allowed-failures': 1}),
+        dask.config.set(settings),
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -247,6 +252,31 @@ def test_a_stopped_run_keeps_what_is_done(client, address, bags):
         assert (results[index].interrupted, len(results[index].frames)) == (True, 2)
         assert counts(Path('out', paths[index].name))['done'] == 2
     assert len(list(Path('out').iterdir())) == 3
+
+
+def test_a_result_that_dies_with_its_worker_is_waited_for_again(address, bags, monkeypatch):
+    class DoneTooEarly:
+        """A future as it is when the worker that keeps the result dies: done, then pending."""
+
+        def __init__(self, future):
+            self._future = future
+
+        def done(self):
+            return True
+
+        def __getattr__(self, name):
+            return getattr(self._future, name)
+
+    submit = module._Run._submit
+
+    def submit_and_lose(run):
+        submit(run)
+        run._futures = {index: DoneTooEarly(each) for index, each in run._futures.items()}
+
+    monkeypatch.setattr(module._Run, '_submit', submit_and_lose)
+    jobs = plan_jobs(bags('one'), Path('out'))
+    ((_, summary),) = replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address)
+    assert len(summary.frames) == 3
 
 
 def test_a_run_that_is_given_up_leaves_nothing(client, address, bags, monkeypatch):
