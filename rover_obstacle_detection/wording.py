@@ -1,6 +1,8 @@
-"""Counts in messages, such as 1 pair and 2 pairs."""
+"""Counts and names in messages."""
 
 from __future__ import annotations
+
+import os
 
 
 def counted(number: int, noun: str, plural: str = '') -> str:
@@ -15,3 +17,11 @@ def counted(number: int, noun: str, plural: str = '') -> str:
         The noun with an s by default.
     """
     return f'{number} {noun if number == 1 else plural or noun + "s"}'
+
+
+def printable(name: object) -> str:
+    r"""Return a path or a name as text that every terminal and file takes.
+
+    File names on Linux are bytes; those that are no text are shown as ``\xff``.
+    """
+    return os.fsencode(str(name)).decode(errors='backslashreplace')

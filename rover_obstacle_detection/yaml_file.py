@@ -40,17 +40,19 @@ def read_yaml(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -
     raise error_type(f'{path}: is not valid YAML: {problem}')
 
 
-def read_small_file(path: Path, kind: str, error_type: type[ObstacleDetectionError]) -> bytes:
-    """Read a file of at most `MAX_BYTES`; see `read_yaml`."""
+def read_small_file(
+    path: Path, kind: str, error_type: type[ObstacleDetectionError], max_bytes: int = MAX_BYTES
+) -> bytes:
+    """Read a file of at most `max_bytes`; see `read_yaml`."""
     try:
         with path.open('rb') as file:
-            data = file.read(MAX_BYTES + 1)
+            data = file.read(max_bytes + 1)
     except FileNotFoundError:
         raise error_type(f'{path}: no such {kind}') from None
     except OSError as error:
         raise error_type(f'{path}: cannot be read: {error.strerror}') from None
-    if len(data) > MAX_BYTES:
-        raise error_type(f'{path}: has more than {MAX_BYTES} bytes: expected a {kind}')
+    if len(data) > max_bytes:
+        raise error_type(f'{path}: has more than {max_bytes} bytes: expected {_a(kind)}')
     return data
 
 
@@ -78,6 +80,10 @@ def parse_yaml(text: str) -> object:
     else:
         return content
     raise ValueError(problem)
+
+
+def _a(kind: str) -> str:
+    return f'{"an" if kind[0] in "aeiou" else "a"} {kind}'
 
 
 def _check_structure(text: str) -> None:

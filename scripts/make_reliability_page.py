@@ -1,4 +1,4 @@
-"""Update the tables of docs/reliability.md after a fault was added to test/support/fault_table.py.
+"""Update the tables of docs/reliability.md after a fault was added to the tables in test/support/.
 
 python scripts/make_reliability_page.py
 """
@@ -13,9 +13,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / 'docs' / 'reliability.md'
 sys.path.insert(0, str(ROOT / 'test' / 'support'))
 
-from fault_table import LIVE, REPLAY, ROWS, START, Row  # noqa: E402
+from fault_row import LIVE, REPLAY, START, Row  # noqa: E402
 from generated_blocks import with_block  # noqa: E402
+from live_fault_table import LIVE_ROWS, START_ROWS  # noqa: E402
+from replay_fault_table import REPLAY_ROWS  # noqa: E402
 
+ROWS = (*START_ROWS, *LIVE_ROWS, *REPLAY_ROWS)
 SAYS = {START: 'what the node says', LIVE: 'what the node says', REPLAY: 'what the replay says'}
 
 

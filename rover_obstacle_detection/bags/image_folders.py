@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rover_obstacle_detection.bags.decompression import MAX_BYTES
 from rover_obstacle_detection.bags.image_layouts import Camera, find_cameras
 from rover_obstacle_detection.bags.source import Entry
 from rover_obstacle_detection.bags.topics import COMPRESSED_TYPE, INFO_TYPE
 from rover_obstacle_detection.calibration_files.request import CalibrationRequest
-from rover_obstacle_detection.errors import BagError
+from rover_obstacle_detection.errors import BagError, ImageError
 from rover_obstacle_detection.messages.calibration import CameraInfo
 from rover_obstacle_detection.messages.header import make_header
 from rover_obstacle_detection.messages.image import image_size
@@ -94,7 +97,7 @@ class ImageFolders:
             if topic in topics
         ]
         entries += [
-            Entry(topic, stamp, COMPRESSED_TYPE, str(path).encode(), self)
+            Entry(topic, stamp, COMPRESSED_TYPE, os.fsencode(path), self)
             for topic, images in self._images.items()
             if topic in topics
             for stamp, path in images
@@ -111,12 +114,12 @@ class ImageFolders:
         header = make_header(entry.log_time_ns, f'{side}_optical', self._factory)
         if entry.type_name == INFO_TYPE:
             return self._info_message(self._info(entry.topic), header)
-        path = Path(entry.data.decode())
+        path = Path(os.fsdecode(entry.data))
         return self._factory.make(
             COMPRESSED_TYPE,
             header=header,
             format=path.suffix[1:].lower(),
-            data=np.fromfile(path, np.uint8),
+            data=_content(path),
         )
 
     def serialized(self, entry: Entry) -> bytes | memoryview:
@@ -134,7 +137,7 @@ class ImageFolders:
             path = camera.folders[0] / name
             if not path.is_file():
                 continue
-            message = self._factory.make(COMPRESSED_TYPE, data=np.fromfile(path, np.uint8))
+            message = self._factory.make(COMPRESSED_TYPE, data=_content(path))
             if size := image_size(message):
                 return size
         raise BagError(f'{camera.folders[0]}: no image can be decoded')
@@ -148,3 +151,12 @@ class ImageFolders:
             distortion_model=info.distortion_model,
             **{name: np.array(getattr(info, name), np.float64) for name in 'dkrp'},
         )
+
+
+def _content(path: Path) -> NDArray[np.uint8]:
+    with path.open('rb') as file:
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        msg = f'has more than {MAX_BYTES} bytes: expected an image'
+        raise ImageError(msg)
+    return np.frombuffer(data, np.uint8)

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from rover_obstacle_detection.errors import BagError
 from rover_obstacle_detection.messages.header import NANOSECONDS_PER_SECOND
-from rover_obstacle_detection.wording import counted
+from rover_obstacle_detection.wording import counted, printable
+from rover_obstacle_detection.yaml_file import read_small_file
 
 _logger = logging.getLogger(__name__)
 
@@ -26,8 +27,12 @@ IMAGE_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.pgm', '.ppm', '.bmp', '.t
 _PERIOD_NS = NANOSECONDS_PER_SECOND // 10
 _SIDE = re.compile(r'left|right', re.IGNORECASE)
 _SECONDS = re.compile(r'\d{1,10}\.\d{1,9}')
+# The seconds of a stamp have 32 bits.
+_MAX_STAMP_NS = 2**31 * NANOSECONDS_PER_SECOND - 1
 # Names of fewer digits are frame numbers.
-_UNIX_SECONDS, _NANOSECONDS = range(10**9, 10**10), range(10**17, 2**63)
+_UNIX_SECONDS, _NANOSECONDS = range(10**9, 2**31), range(10**17, _MAX_STAMP_NS + 1)
+MAX_TABLE_BYTES = 50_000_000
+"""Of a file of stamps; that of an hour at 200 Hz has 32 MB."""
 _KITTI_CALIBRATIONS = ('calib.txt', 'calib_cam_to_cam.txt', '../calib_cam_to_cam.txt')
 
 
@@ -87,13 +92,14 @@ def _euroc(path: Path) -> list[Camera]:
 def _listed(camera: Path) -> Stamps:
     """Read the stamps of ``data.csv``; those of the names if there is none."""
     table, names = camera / 'data.csv', _images(camera / 'data')
-    if not table.exists():
+    if not table.is_file():
         return _named_stamps(camera / 'data', names)
-    rows = [row for row in csv.reader(_lines(table)) if row and not row[0].startswith('#')]
     try:
+        rows = [row for row in csv.reader(_lines(table)) if row and not row[0].startswith('#')]
         stamps = {row[1].strip(): int(row[0]) for row in rows}
-    except (ValueError, IndexError):
+    except (ValueError, IndexError, csv.Error):
         raise BagError(f'{table}: expected lines of a stamp in ns and a file name') from None
+    _check_stamps(stamps.values(), table)
     lacking = [name for name in names if name not in stamps]
     if lacking:
         more = f' and {counted(len(lacking) - 1, "other")}' if len(lacking) > 1 else ''
@@ -121,9 +127,10 @@ def _kitti(path: Path) -> list[Camera]:
 
 def _timed(table: Path, names: list[str]) -> Stamps:
     """Read a file with the time of each frame; the names number the frames."""
-    if not table.exists():
+    if not table.is_file():
         return _regular_stamps(table.parent, names)
     times = [_time_ns(line, table) for line in _lines(table) if line.strip()]
+    _check_stamps(times, table)
     shift = _shift_ns(times)
     stamps = {}
     for name in names:
@@ -194,13 +201,20 @@ def _named_stamps(path: Path, names: list[str]) -> Stamps:
 
 def _shift_ns(stamps: Collection[int]) -> int:
     """Return what makes all stamps positive: a stamp of 0 means none in ROS."""
-    return NANOSECONDS_PER_SECOND if stamps and min(stamps) <= 0 else 0
+    first_ns = min(stamps, default=1)
+    return NANOSECONDS_PER_SECOND - first_ns if first_ns <= 0 else 0
+
+
+def _check_stamps(stamps: Collection[int], table: Path) -> None:
+    if stamps and (last_ns := max(stamps)) > _MAX_STAMP_NS:
+        raise BagError(f'{table}: {last_ns} ns: expected at most {_MAX_STAMP_NS}')
 
 
 def _name_ns(stem: str) -> int | None:
     if _SECONDS.fullmatch(stem):
         seconds, _, fraction = stem.partition('.')
-        return int(seconds) * NANOSECONDS_PER_SECOND + int(f'{fraction:0<9}')
+        stamp_ns = int(seconds) * NANOSECONDS_PER_SECOND + int(f'{fraction:0<9}')
+        return stamp_ns if stamp_ns <= _MAX_STAMP_NS else None
     value = int(stem) if stem.isdecimal() and len(stem) < 20 else 0
     if value in _UNIX_SECONDS:
         return value * NANOSECONDS_PER_SECOND
@@ -213,7 +227,7 @@ def _regular_stamps(path: Path, names: list[str]) -> Stamps:
             '%s: the names of the images are no stamps (such as %s): taken as 10 images per '
             'second, from 1 s',
             path,
-            names[0],
+            printable(names[0]),
         )
     return {name: NANOSECONDS_PER_SECOND + index * _PERIOD_NS for index, name in enumerate(names)}
 
@@ -234,8 +248,8 @@ def _images(folder: Path) -> list[str]:
 
 
 def _lines(table: Path) -> list[str]:
+    data = read_small_file(table, 'file of stamps', BagError, MAX_TABLE_BYTES)
     try:
-        return table.read_text(encoding='utf-8').splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or 'expected UTF-8 text'
-        raise BagError(f'{table}: cannot be read: {reason}') from None
+        return data.decode().splitlines()
+    except UnicodeDecodeError:
+        raise BagError(f'{table}: cannot be read: expected UTF-8 text') from None

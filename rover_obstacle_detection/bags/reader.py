@@ -18,8 +18,14 @@ from rover_obstacle_detection.bags.topics import (
     side_by_side_topics,
 )
 from rover_obstacle_detection.calibration_files.request import WAYS
-from rover_obstacle_detection.errors import BagError, CameraError
+from rover_obstacle_detection.errors import (
+    BagError,
+    CameraError,
+    ObstacleDetectionError,
+    failure_text,
+)
 from rover_obstacle_detection.messages.calibration import CameraInfo, StereoCalibration
+from rover_obstacle_detection.wording import printable
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ class BagReader:
 
     def name_of(self, topic: str, stamp_ns: int) -> str:
         """Name an image in a message: by its file, or else by its topic."""
-        return str(self.file_of(topic, stamp_ns) or topic)
+        return printable(self.file_of(topic, stamp_ns) or topic)
 
     def messages(
         self,
@@ -196,7 +202,9 @@ def _attempt(entry: Entry, convert: Callable[[Entry], Any]) -> Any:
         reason = f'cannot be read: {error.strerror or error}'
         return BadMessage(entry.topic, entry.log_time_ns, reason)
     except Exception as error:
-        reason = f'{entry.type_name} cannot be decoded: {type(error).__name__}: {error}'
+        reason = failure_text(error)
+        if not isinstance(error, ObstacleDetectionError):
+            reason = f'{entry.type_name} cannot be decoded: {reason}'
         return BadMessage(entry.topic, entry.log_time_ns, reason)
 
 

@@ -152,7 +152,11 @@ def plain_name(path: Path) -> str:
 
 def _recordings_in(folder: Path) -> list[Path]:
     """List the files of a recording; of a file and its compressed form only the file."""
-    files = [each for each in folder.iterdir() if Path(plain_name(each)).suffix in SUFFIXES]
+    files = [
+        each
+        for each in folder.iterdir()
+        if Path(plain_name(each)).suffix in SUFFIXES and not _is_special(each)
+    ]
     return sorted(
         each
         for each in files
@@ -160,18 +164,25 @@ def _recordings_in(folder: Path) -> list[Path]:
     )
 
 
+def _is_special(path: Path) -> bool:
+    """Whether opening a path may wait forever, or reading it never end."""
+    return path.exists() and not (path.is_file() or path.is_dir())
+
+
 def _open_file(path: Path, stack: ExitStack) -> Source:
-    if path.suffix == COMPRESSED and Path(plain_name(path)).suffix in SUFFIXES:
-        return _open_compressed(path, stack)
-    if path.suffix not in SUFFIXES:
+    if Path(plain_name(path)).suffix not in SUFFIXES:
         what = 'an image' if path.suffix.lower() in IMAGE_SUFFIXES else 'not a recording'
         raise BagError(
             f'{path}: is {what}: expected a rosbag2 folder, a {", ".join(SUFFIXES)} file or a '
             'folder of images; for two image files, there is rover-obstacles detect'
         )
+    if _is_special(path):
+        raise BagError(f'{path}: is no file, but a pipe or a device')
+    if path.stat().st_size == 0:
+        raise BagError(f'{path}: is empty (0 bytes): expected a recording')
+    if path.suffix == COMPRESSED:
+        return _open_compressed(path, stack)
     try:
-        if path.stat().st_size == 0:
-            raise BagError(f'{path}: is empty (0 bytes): expected a recording')
         return RosbagsSource(path, stack)
     except Exception as error:
         if path.suffix != '.mcap' or isinstance(error, (BagError, PermissionError, TooLargeError)):

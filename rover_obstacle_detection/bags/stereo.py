@@ -27,7 +27,7 @@ from rover_obstacle_detection.messages.header import (
 from rover_obstacle_detection.messages.image import OVERSIZE, decode_camera_image, halves
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
 from rover_obstacle_detection.pairing import Pair, PairingStatistics, StereoPairing
-from rover_obstacle_detection.wording import counted
+from rover_obstacle_detection.wording import counted, printable
 
 _logger = logging.getLogger(__name__)
 
@@ -282,7 +282,7 @@ class StereoPairs(Iterator['StereoPair | BadFrame']):
         return names[0], names[1]
 
     def _warn_of_lone_files(self) -> None:
-        first = ', '.join(str(file) for file in islice(self._lone_files, _LISTED_FILES))
+        first = ', '.join(printable(file) for file in islice(self._lone_files, _LISTED_FILES))
         more = len(self._lone_files) - _LISTED_FILES
         others = f' and {counted(more, "other")}' if more > 0 else ''
         _logger.warning('no partner for %s%s', first, others)

@@ -228,7 +228,8 @@ def add_scheduler_argument(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         '--scheduler',
         metavar='ADDRESS',
-        default='',
+        type=_scheduler,
+        default=None,
         help='address of a running Dask scheduler, such as tcp://rack1:8786, whose workers '
         'process the bags; they must find the same paths (needs the extra "cluster")',
     )
@@ -260,6 +261,13 @@ def add_ros_arguments(parser: argparse.ArgumentParser, examples: str) -> None:
         metavar='...',
         help=f'pass all remaining arguments to ROS 2: {examples}, ...',
     )
+
+
+def _scheduler(text: str) -> str:
+    # Such as of a variable that is not set.
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f'{text!r}: expected an address such as tcp://rack1:8786')
+    return text
 
 
 def _number(text: str) -> float:

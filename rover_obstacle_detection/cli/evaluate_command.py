@@ -147,7 +147,7 @@ def run(arguments: argparse.Namespace) -> int:
             _bag_options(arguments),
             on_progress,
             stopped,
-            arguments.scheduler,
+            arguments.scheduler or '',
         )
     _report_problems(evaluation, errors, len(names))
     if evaluation.scenes:

@@ -201,7 +201,7 @@ def run(arguments: argparse.Namespace) -> int:
         progress_bars(_names(jobs), 'pairs') as on_progress,
     ):
         results = replay_jobs(
-            jobs, options, arguments.workers, on_progress, stopped, arguments.scheduler
+            jobs, options, arguments.workers, on_progress, stopped, arguments.scheduler or ''
         )
         with contextlib.closing(results):
             for index, result in results:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 
 from rover_obstacle_detection.cli.arguments import add_command, add_ros_arguments
+from rover_obstacle_detection.errors import ConfigurationError
+
+# A part may not begin with a digit.
+_NAMESPACE = re.compile(r'/|/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*/?', re.ASCII)
 
 DESCRIPTION = """\
 Run the ROS 2 node obstacle_detector until interrupted with Ctrl-C.
@@ -54,7 +59,7 @@ def ros_arguments(arguments: argparse.Namespace) -> list[str]:
     Raises
     ------
     ConfigurationError
-        If there is no such camera.
+        If there is no such camera, or the namespace is not one.
     """
     from rover_obstacle_detection.node.camera_presets import (
         camera_preset,
@@ -62,6 +67,11 @@ def ros_arguments(arguments: argparse.Namespace) -> list[str]:
         remapping_arguments,
     )
 
+    if arguments.namespace and not _NAMESPACE.fullmatch(arguments.namespace):
+        raise ConfigurationError(
+            f'namespace is {arguments.namespace!r}: expected letters, digits, _ and / as in '
+            'front/stereo'
+        )
     preset = None if arguments.camera is None else camera_preset(arguments.camera)
     # Of parameters ROS uses the last one given, of remappings the first.
     given = [] if preset is None else parameter_arguments(preset)

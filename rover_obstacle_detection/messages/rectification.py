@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NoReturn
 
 import cv2
@@ -15,6 +16,10 @@ _PINHOLE_MODELS = ('plumb_bob', 'rational_polynomial', '')
 FISHEYE_MODEL = 'equidistant'
 # Rectification crops and enlarges; with less, the calibration is of another camera.
 _MIN_SEEN_SHARE = 0.25
+# Of the raw image; with less, K is in another unit.
+_MIN_USED_SHARE = 0.01
+# As many as OpenCV knows.
+_MAX_COEFFICIENTS = 14
 
 
 def needs_rectification(info: CameraInfo) -> bool:
@@ -32,6 +37,11 @@ class Rectification:
     info : CameraInfo
     name : str
         Topic or file of the calibration, for error messages.
+
+    Attributes
+    ----------
+    seen_share : float
+        Share of the rectified image that lies within the raw one.
 
     Raises
     ------
@@ -51,9 +61,18 @@ class Rectification:
         r = np.reshape(info.r, (3, 3))
         if info.k[0] <= 0 or info.k[4] <= 0 or not np.isfinite(info.k).all():
             self._refuse(f'K is {info.k}: expected focal lengths above 0')
+        if len(info.d) > _MAX_COEFFICIENTS:
+            self._refuse(
+                f'D has {len(info.d)} coefficients: expected those of {info.distortion_model}'
+            )
         if not np.isfinite(info.d).all():
             self._refuse(f'D is {info.d}: expected finite numbers')
-        if not np.allclose(r @ r.T, np.identity(3), atol=1e-3):
+        # Large values would overflow; those of a rotation are at most 1.
+        if not (
+            np.all(np.abs(r) < 2)
+            and np.allclose(r @ r.T, np.identity(3), atol=1e-3)
+            and np.linalg.det(r) > 0
+        ):
             self._refuse(f'R is {info.r}: expected a rotation')
         if info.distortion_model == FISHEYE_MODEL:
             make_maps: Any = cv2.fisheye.initUndistortRectifyMap
@@ -71,20 +90,28 @@ class Rectification:
             self._columns, self._rows = make_maps(k, distortion, r, p, self._size, cv2.CV_16SC2)
         except cv2.error:
             self._refuse(f'D is {info.d}: expected the coefficients of {info.distortion_model}')
+        self.seen_share, used = self._shares()
+        values = f'with K {info.k}, D {info.d}, R {info.r} and P {info.p}'
         if self.seen_share < _MIN_SEEN_SHARE:
             self._refuse(
-                f'with K {info.k}, D {info.d}, R {info.r} and P {info.p} only '
-                f'{self.seen_share:.0%} of the rectified image shows anything: expected at '
-                f'least {_MIN_SEEN_SHARE:.0%}'
+                f'{values} only {self.seen_share:.0%} of the rectified image shows anything: '
+                f'expected at least {_MIN_SEEN_SHARE:.0%}'
+            )
+        if used < _MIN_USED_SHARE:
+            self._refuse(
+                f'{values} the rectified image shows only {used:.2%} of the raw one: expected at '
+                f'least {_MIN_USED_SHARE:.0%}'
             )
 
-    @property
-    def seen_share(self) -> float:
-        """Share of the rectified image that lies within the raw one."""
+    def _shares(self) -> tuple[float, float]:
+        """Share of the rectified image that lies within the raw one, and of that in a box."""
         width, height = self._size
         column, row = self._columns[..., 0], self._columns[..., 1]
         seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        return float(seen.mean())
+        if not seen.any():
+            return 0.0, 0.0
+        used = math.prod(int(np.ptp(each[seen])) + 1 for each in (column, row))
+        return float(seen.mean()), used / (width * height)
 
     def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
         """Rectify an image.

@@ -46,6 +46,7 @@ _CLEAN_UP_S = 60.0
 _CHECK_S = 30.0
 # A worker that dies before it begins a bag may have died of something else, but not every time.
 _MOST_RETRIES = 3
+_ENDED = ('finished', 'error', 'cancelled')
 _UNREACHABLE = (OSError, distributed.TimeoutError)
 
 _logger = logging.getLogger(__name__)
@@ -74,12 +75,30 @@ def run_on_cluster(
     ClusterError
         If the scheduler cannot be reached, or a worker cannot import this package.
     """
-    with _connected(address) as client:
+    with _quiet(), _connected(address) as client:
         run = _Run(client, address, works, on_progress)
         try:
             yield from run.results(stopped)
         finally:
             run.end()
+
+
+class _Client(distributed.Client):  # type: ignore[misc]
+    """A client that is closed explicitly."""
+
+    def __del__(self) -> None:
+        """Do nothing: Dask's own waits in vain for a client that could not connect."""
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep back what Dask's client logs of a lost scheduler, with tracebacks: each bag says so."""
+    logger = logging.getLogger('distributed.client')
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 @contextlib.contextmanager
@@ -88,8 +107,9 @@ def _connected(address: str) -> Iterator[Any]:
         with warnings.catch_warnings():
             # The workers' versions are compared below, with those that matter here.
             warnings.simplefilter('ignore', VersionMismatchWarning)
-            client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
-    except (*_UNREACHABLE, ValueError) as error:
+            client = _connect(address)
+    except Exception as error:
+        # Addresses of an unknown form, or TLS without certificates, raise whatever Dask does.
         raise ClusterError(
             f'cannot reach the scheduler {address}: {failure_text(error)}'
         ) from error
@@ -97,6 +117,19 @@ def _connected(address: str) -> Iterator[Any]:
         yield client
     finally:
         client.close()
+
+
+def _connect(address: str) -> Any:
+    for _ in range(_MOST_RETRIES):
+        # The scheduler tells every client of a cancelled run. If it does so with its greeting,
+        # a check of Dask fails.
+        with contextlib.suppress(AssertionError):
+            return _client(address)
+    return _client(address)
+
+
+def _client(address: str) -> _Client:
+    return _Client(address, timeout=_CONNECT_S, set_as_default=False)
 
 
 class _Run(Generic[Result]):
@@ -145,14 +178,17 @@ class _Run(Generic[Result]):
             time.sleep(_POLL_S)
 
     def _ended(self, is_stopping: bool) -> Iterator[Ended[Result]]:
-        done = [index for index, future in self._futures.items() if future.done()]
+        # Once for all: a result that is there may die with its worker, and is then made again.
+        statuses = {index: future.status for index, future in self._futures.items()}
         self._take_messages()
-        for index in done:
+        for index, status in statuses.items():
+            if status not in _ENDED:
+                continue
             if self._has_died_with_another(index) and (is_stopping or self._may_retry(index)):
                 del self._futures[index]
                 self._waiting.appendleft(index)
                 continue
-            result = self._result(index)
+            result = self._result(index, status)
             del self._futures[index]
             yield index, result
 
@@ -295,12 +331,12 @@ class _Run(Generic[Result]):
         )
         return True
 
-    def _result(self, index: int) -> Result | ObstacleDetectionError:
+    def _result(self, index: int, status: str) -> Result | ObstacleDetectionError:
         future, name = self._futures[index], self._works[index].name
-        if future.status == 'finished':
+        if status == 'finished':
             result: Result | ObstacleDetectionError = future.result()
             return result
-        if future.status == 'cancelled':
+        if status == 'cancelled':
             return ClusterError(f'{name}: the scheduler {self._address} has cancelled it')
         return ClusterError(f'{name}: {_failure_text(future.exception())}')
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 
 import pytest
@@ -157,7 +158,17 @@ def test_missing_recording(tmp_path, name):
     assert error_of(tmp_path / name).endswith('no such recording')
 
 
-@pytest.mark.parametrize('name', ['bag.mcap', 'bag.db3', 'bag.bag'])
+NAMES = ['bag.mcap', 'bag.db3', 'bag.bag', 'bag.mcap.zstd', 'bag.db3.zstd']
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    assert error_of(tmp_path / name).endswith('is no file, but a pipe or a device')
+    assert 'is not a recording: the folder has no' in error_of(tmp_path)
+
+
+@pytest.mark.parametrize('name', NAMES)
 def test_empty_file(tmp_path, name):
     (tmp_path / name).touch()
     assert 'is empty (0 bytes)' in error_of(tmp_path / name)

@@ -1,5 +1,6 @@
 import json
 import logging
+import os
 
 import cv2
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 from hand_made import CAMERA, stereo_images
 from recordings import HEIGHT, WIDTH, pixels
 
+from rover_obstacle_detection.bags import image_layouts
+from rover_obstacle_detection.bags.decompression import MAX_BYTES
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame, read_pairs
 from rover_obstacle_detection.calibration_files.numbers import CameraNumbers
@@ -167,7 +170,17 @@ def test_left_and_right_have_the_stamps_of_their_names(tmp_path, caplog, names, 
     assert not caplog.records
 
 
-@pytest.mark.parametrize('names', [('000000', '000001'), ('rock', 'wall')])
+@pytest.mark.parametrize(
+    'names',
+    [
+        ('000000', '000001'),
+        ('rock', 'wall'),
+        # Beyond the seconds that a stamp can have.
+        ('3000000000', '3000000001'),
+        ('3000000000.5', '3000000001.5'),
+        ('3000000000000000000', '3000000000000000001'),
+    ],
+)
 def test_other_names_are_ten_images_per_second(tmp_path, caplog, names):
     write_images(tmp_path, ('left', 'right'), names)
     pairs = numbers_only(tmp_path)
@@ -199,6 +212,11 @@ def test_names_of_nothing_in_common_are_refused(tmp_path):
 def test_times_that_begin_at_0_are_shifted(tmp_path):
     write_images(tmp_path, ('left', 'right'), ('0.00', '0.50'))
     assert stamps(numbers_only(tmp_path)) == [10**9, 15 * 10**8]
+
+
+def test_times_before_0_are_shifted(tmp_path):
+    (kitti_odometry(tmp_path) / 'times.txt').write_text('-5\n1\n')
+    assert stamps(read(tmp_path)) == [10**9, 7 * 10**9]
 
 
 def test_an_image_without_partner_is_counted(tmp_path):
@@ -277,6 +295,9 @@ def test_images_have_a_wire_format(tmp_path):
         ('kitti/times.txt', '0.5\n', 'times.txt: has 1 time: expected one for 000001.png'),
         ('kitti/times.txt', 'noon\n', "times.txt: 'noon': expected seconds or a date and time"),
         ('kitti/calib.txt', 'P0: 3\n', 'calib.txt: P0 has 1 number: expected 12'),
+        ('euroc/mav0/cam0/data.csv', f'1,{"x" * 200_000}', 'data.csv: expected lines of a stamp'),
+        ('euroc/mav0/cam0/data.csv', f'{10**30},y.png\n', f'{10**30} ns: expected at most 21'),
+        ('kitti/times.txt', '3e9\n', 'times.txt: 3000000000000000000 ns: expected at most 2147'),
     ],
 )
 def test_a_damaged_file_is_named(tmp_path, file, text, words):
@@ -287,6 +308,29 @@ def test_a_damaged_file_is_named(tmp_path, file, text, words):
         read(tmp_path / file.split('/')[0])
     assert words in str(caught.value)
     assert '\n' not in str(caught.value)
+    assert 'Error:' not in str(caught.value)
+
+
+def test_a_table_of_stamps_is_read_at_bounded_cost(tmp_path, monkeypatch):
+    monkeypatch.setattr(image_layouts, 'MAX_TABLE_BYTES', 20)
+    with pytest.raises(BagError, match=r'times.txt: has more than 20 bytes: expected a file of'):
+        read(kitti_odometry(tmp_path))
+
+
+def test_an_image_is_read_at_bounded_cost(tmp_path):
+    write_images(tmp_path, ('left', 'right'), ('a', 'b'))
+    with (tmp_path / 'left' / 'a.png').open('r+b') as file:
+        file.truncate(2 * MAX_BYTES)
+    bad, _ = numbers_only(tmp_path)
+    assert bad.reason.endswith(f'/a.png: has more than {MAX_BYTES} bytes: expected an image')
+
+
+def test_a_name_need_not_be_text(tmp_path):
+    name = os.fsdecode(b'\xff')
+    write_images(tmp_path, ('left', 'right'), ('0',))
+    for side in ('left', 'right'):
+        (tmp_path / side / '0.png').rename(tmp_path / side / f'{name}.png')
+    assert_images(numbers_only(tmp_path))
 
 
 def test_folders_without_images_are_refused(tmp_path):

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fault_table import BAD_FRAME, REPLAY_ROWS, Row
+from fault_row import BAD_FRAME, Row
 from faulty_recordings import PAIRS
 from hand_made import CAMERA, stereo_images
+from replay_fault_table import REPLAY_ROWS
 from rosbags.highlevel import AnyReader
 
 from rover_obstacle_detection.cli.main import main

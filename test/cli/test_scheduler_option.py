@@ -28,6 +28,13 @@ def test_a_missing_library_is_an_error_that_names_the_extra(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_empty_address_is_not_taken_for_none(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(['replay', 'one', '-o', 'out', '--scheduler', ''])
+    assert ended.value.code == 2
+    assert "argument --scheduler: '': expected an address" in capsys.readouterr().err
+
+
 def test_processes_here_and_a_scheduler_exclude_each_other(capsys):
     with pytest.raises(SystemExit) as ended:
         main(['replay', 'one', 'two', '-o', 'out', '--workers', '2', *SCHEDULER])

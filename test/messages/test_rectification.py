@@ -113,7 +113,12 @@ def test_only_unrectified_images_of_a_pair_change():
         ({'distortion_model': 'scaramuzza'}, "distortion_model is 'scaramuzza'"),
         ({'d': (0.1, 0.2, 0.3)}, 'D is (0.1, 0.2, 0.3)'),
         ({'d': (float('nan'), 0, 0, 0, 0)}, 'D is (nan, 0, 0, 0, 0): expected finite numbers'),
+        ({'d': (0.0,) * 1000}, 'D has 1000 coefficients: expected those of plumb_bob'),
+        ({'r': (1e308,) * 9}, 'R is (1e+308, '),
+        ({'r': (1.0, 0, 0, 0, 1, 0, 0, 0, -1)}, 'R is (1.0, 0, 0, 0, 1, 0, 0, 0, -1): expected a'),
         ({'k': (150.0, 0, 9000, 0, 150, 60, 0, 0, 1)}, 'with K (150.0, 0, 9000'),
+        # In metres, with pixels of 5 micrometres.
+        ({'k': (0.00075, 0, 0.0004, 0, 0.00075, 0.0003, 0, 0, 1)}, 'with K (0.00075, 0, 0.0004'),
     ],
 )
 def test_invalid_calibration_is_refused(changes, words):

@@ -9,8 +9,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
-from fault_table import LIVE_ROWS, OTHER_FILE, OTHER_PARAMETERS, START_ROWS, Row
+from fault_row import Row
 from faulty_rover import FaultyRover
+from live_fault_table import LIVE_ROWS, OTHER_FILE, OTHER_PARAMETERS, START_ROWS
 from live_graph import live_graph
 
 from rover_obstacle_detection.cli.main import main
@@ -41,15 +42,15 @@ def test_fault_at_the_start_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert isinstance(fault.inject, tuple)
-    if '--params-file' in fault.inject:
+    if '--ros-args' in fault.inject:
+        process = rover.graph.start('run', *fault.inject)
+        status, output = process.wait(), process.output
+    else:
         # Found before ROS starts, and so without a process.
         monkeypatch.chdir(tmp_path)
         Path(OTHER_FILE).write_text(OTHER_PARAMETERS)
-        status = main(['run', '--ros-args', *fault.inject])
+        status = main(['run', *fault.inject])
         output = capsys.readouterr().err
-    else:
-        process = rover.graph.start('run', '--ros-args', *fault.inject)
-        status, output = process.wait(), process.output
 
     assert status == 1
     assert output == f'rover-obstacles: error: {fault.says}\n'

@@ -95,7 +95,7 @@ def test_compressed_images(calibrated: Rover) -> None:
         )
         for side in ('left', 'right')
     ]
-    calibrated.wait_for(lambda: all(each.get_subscription_count() for each in publishers))
+    calibrated.graph.wait_until_matched(*publishers)
 
     stamp = calibrated.next_stamp()
     for publisher, array in zip(publishers, (VIEW.left, VIEW.right), strict=True):
@@ -143,7 +143,7 @@ def test_gravity_from_an_imu(calibrated: Rover) -> None:
     imu = calibrated.graph.node.create_publisher(
         message_type('sensor_msgs/msg/Imu'), '/stereo/imu', 10
     )
-    calibrated.graph.wait_for(imu.get_subscription_count)
+    calibrated.graph.wait_until_matched(imu)
     calibrated.detect(VIEW)
     assert re.search(
         r'WARN.*/stereo/imu: no usable message within 200 ms.*gravity is estimated',

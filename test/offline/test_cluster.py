@@ -9,6 +9,8 @@ import os
 import shutil
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import types
 from pathlib import Path
@@ -43,8 +45,13 @@ TIMES = {'ms', 'median_ms', 'plain_sgbm_ms', 'times_plain_sgbm'}
 @contextlib.contextmanager
 def local_cluster(folder, workers, **options):
     """Start a cluster; yield a client of it."""
+    settings = {
+        'distributed.scheduler.allowed-failures': 1,
+        # On a slow computer, the cluster would not wait for one that takes a dead one's place.
+        'distributed.deploy.lost-worker-timeout': '1 hour',
+    }
     with (
-        dask.config.set({'distributed.scheduler.allowed-failures': 1}),
+        dask.config.set(settings),
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -104,6 +111,11 @@ def said(caplog):
     ]
 
 
+def messages(text):
+    """Return the lines of an output, without those of progress on a slow computer."""
+    return [line for line in text.splitlines() if line.startswith('rover-obstacles: ')]
+
+
 def ignore(*progress):
     pass
 
@@ -123,7 +135,7 @@ def test_a_dead_worker_costs_its_bag_a_retry(client, address, bags, capsys):
     killer.join()
 
     shown = capsys.readouterr()
-    lines = shown.err.splitlines()
+    lines = messages(shown.err)
     lost = [line for line in lines if ': lost the worker tcp://127.0.0.1:' in line]
     assert {line.split(':')[2] for line in lost} >= {' held', ' written'}
     assert all(': beginning again on ' in line for line in lost)
@@ -144,7 +156,7 @@ def test_a_bag_that_kills_every_worker_fails_and_the_others_go_on(address, bags,
     shown = capsys.readouterr()
     # A worker may die before it has handed over the result of another bag.
     others = ('rover-obstacles: WARNING: one: lost', 'rover-obstacles: WARNING: two: lost')
-    lines = [line for line in shown.err.splitlines() if not line.startswith(others)]
+    lines = [line for line in messages(shown.err) if not line.startswith(others)]
     retried, left_over, failed, counted = lines
     assert 'out/.deadly.partial is left over' in left_over
     assert retried.startswith('rover-obstacles: WARNING: deadly: lost the worker tcp://')
@@ -242,6 +254,31 @@ def test_a_stopped_run_keeps_what_is_done(client, address, bags):
     assert len(list(Path('out').iterdir())) == 3
 
 
+def test_a_result_that_dies_with_its_worker_is_waited_for_again(address, bags, monkeypatch):
+    class DoneTooEarly:
+        """A future as it is when the worker that keeps the result dies: done, then pending."""
+
+        def __init__(self, future):
+            self._future = future
+
+        def done(self):
+            return True
+
+        def __getattr__(self, name):
+            return getattr(self._future, name)
+
+    submit = module._Run._submit
+
+    def submit_and_lose(run):
+        submit(run)
+        run._futures = {index: DoneTooEarly(each) for index, each in run._futures.items()}
+
+    monkeypatch.setattr(module._Run, '_submit', submit_and_lose)
+    jobs = plan_jobs(bags('one'), Path('out'))
+    ((_, summary),) = replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address)
+    assert len(summary.frames) == 3
+
+
 def test_a_run_that_is_given_up_leaves_nothing(client, address, bags, monkeypatch):
     (held,) = bags('held_till_the_end')
     results = replay_jobs(
@@ -328,9 +365,74 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch):
     jobs = plan_jobs([tmp_path / 'bag'], tmp_path / 'out')
     with pytest.raises(ClusterError, match=r'cannot reach the scheduler tcp://127.0.0.1:9: '):
         next(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler='tcp://127.0.0.1:9'))
-    with pytest.raises(ClusterError, match=r'cannot reach the scheduler foo://1: '):
-        next(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler='foo://1'))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scheduler_that_dies_is_named_once_for_each_bag(bags, tmp_path, caplog, monkeypatch):
+    monkeypatch.setattr(module, '_CONNECT_S', 2)
+    file = tmp_path / 'scheduler.json'
+    command = [sys.executable, '-m', 'distributed.cli.dask_scheduler', '--no-dashboard']
+    command += ['--host', '127.0.0.1', '--port', '0', '--scheduler-file', str(file)]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as scheduler:
+        with distributed.Client(scheduler_file=str(file), set_as_default=False) as client:
+            address = client.scheduler.address
+
+        def stopped():
+            if said(caplog):
+                scheduler.kill()
+            return False
+
+        jobs = plan_jobs(bags('one', 'two'), Path('out'))
+        results = dict(replay_jobs(jobs, OPTIONS, 1, ignore, stopped, address))
+    assert [str(results[index]).split(': ')[:2] for index in (0, 1)] == [
+        [name, f'lost the scheduler {address}'] for name in ('one', 'two')
+    ]
+    assert not [each for each in caplog.records if each.name == 'distributed.client']
+
+
+@pytest.mark.parametrize('address', ['rack1', 'foo://1', 'tcp://', 'tls://127.0.0.1:9'])
+def test_an_address_of_another_form_is_named(tmp_path, address):
+    jobs = plan_jobs([tmp_path / 'bag'], tmp_path / 'out')
+    with pytest.raises(ClusterError, match=f'cannot reach the scheduler {address}: '):
+        next(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address))
+
+
+def test_nothing_follows_the_line_that_names_the_address(tmp_path):
+    command = [sys.executable, '-m', 'rover_obstacle_detection', 'evaluate', str(tmp_path)]
+    ended = subprocess.run(
+        [*command, '--scheduler', 'rack1'], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 1
+    assert ended.stderr.count('\n') == 1
+    assert ended.stderr.startswith('rover-obstacles: error: cannot reach the scheduler rack1: ')
+
+
+def clients_greeted_with_news(times):
+    """A client that fails as Dask's does if another run is cancelled at the same moment."""
+
+    class Client(module._Client):
+        left = times
+
+        def __init__(self, *arguments, **options):
+            Client.left -= 1
+            assert Client.left < 0
+            super().__init__(*arguments, **options)
+
+    return Client
+
+
+def test_a_greeting_with_news_of_another_run_is_asked_for_again(address, bags, monkeypatch):
+    monkeypatch.setattr(module, '_Client', clients_greeted_with_news(2))
+    jobs = plan_jobs(bags('one'), Path('out'))
+    ((_, summary),) = replay_jobs(jobs, OPTIONS, 1, ignore, scheduler=address)
+    assert len(summary.frames) == 3
+
+
+def test_a_scheduler_that_always_greets_with_news_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, '_Client', clients_greeted_with_news(99))
+    jobs = plan_jobs([tmp_path / 'bag'], tmp_path / 'out')
+    with pytest.raises(ClusterError, match=r'cannot reach the scheduler tcp://rack1:1: Assertion'):
+        next(replay_jobs(jobs, OPTIONS, 1, ignore, scheduler='tcp://rack1:1'))
 
 
 def test_a_worker_without_this_package_is_named(client, address, tmp_path, monkeypatch):

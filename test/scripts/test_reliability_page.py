@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 
 import pytest
-from fault_table import LIVE, LIVE_ROWS, ROWS, Row
-from make_reliability_page import PAGE, page, table
+from fault_row import LIVE, Row
+from live_fault_table import LIVE_ROWS
+from make_reliability_page import PAGE, ROWS, page, table
 
 
 def test_page_is_up_to_date() -> None:

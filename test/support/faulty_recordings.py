@@ -6,6 +6,7 @@ Those with a single bad moment have it in their second pair; the other pairs are
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ from typing import Any
 import cv2
 import numpy as np
 from hand_made import CAMERA, FIRST_STAMP_NS, stereo_images, write_stereo_bag
+from recordings import stereo_messages, write_ros2
 
+from rover_obstacle_detection.bags import decompression
 from rover_obstacle_detection.bags.writer import BagWriter
 from rover_obstacle_detection.messages.header import make_header, stamp_ns
 from rover_obstacle_detection.messages.rosbags_factory import RosbagsFactory
@@ -54,6 +57,31 @@ def cut_short(folder: Path) -> list[str]:
     return _arguments(file)
 
 
+def compressed_cut_short(folder: Path) -> list[str]:
+    written = write_ros2(folder / 'drive', stereo_messages(2), 'sqlite3', 'file')
+    path = next(written.glob('*.db3.zstd'))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    return _arguments(path)
+
+
+def zstd_bomb(folder: Path) -> list[str]:
+    path = folder / 'drive.mcap.zstd'
+    path.write_bytes(decompression._zstd.compress(bytes(decompression.MAX_BYTES + 1)))
+    return _arguments(path)
+
+
+def pipe(folder: Path) -> list[str]:
+    os.mkfifo(folder / 'drive.mcap')
+    return _arguments(folder / 'drive.mcap')
+
+
+def images_without_partners(folder: Path) -> list[str]:
+    for side, name in (('left', 'a.png'), ('right', 'b.png')):
+        (folder / side).mkdir()
+        (folder / side / name).touch()
+    return _arguments(folder)
+
+
 def other_topics(folder: Path) -> list[str]:
     with BagWriter(folder / 'drive') as bag:
         message = bag.factory.make(
@@ -70,6 +98,10 @@ def alias_bomb(folder: Path) -> list[str]:
         lines.append(f'{name}: &{name} [{", ".join([f"*{before}"] * 9)}]')
     (folder / 'bomb.yaml').write_text('\n'.join(lines))
     return [*unusable()(folder), '--params', str(folder / 'bomb.yaml')]
+
+
+def upright(folder: Path) -> list[str]:
+    return _arguments(write_stereo_bag(folder / 'drive', pairs=2), '--set', 'upside_down=true')
 
 
 def infos(change: Callable[[str, Any], None]) -> Recording:

@@ -138,14 +138,34 @@ def upside_down(rover: FaultyRover) -> Iterator[None]:
         yield
 
 
-def uncalibrated_raw_images(rover: FaultyRover) -> Iterator[None]:
-    rover.set(rectify='always')
+def upright(rover: FaultyRover) -> Iterator[None]:
+    rover.set(upside_down=True)
     try:
         while True:
-            rover.camera.send_infos(CAMERA, rover.next_stamp())
+            rover.camera.send(CAMERA, *rover.exposure(), rover.next_stamp())
             yield
     finally:
-        rover.set(rectify='by_name')
+        rover.set(upside_down=False)
+
+
+def raw_images(**fields: Any) -> Injection:
+    """Rectify the images, with these values in the calibration of both cameras."""
+
+    def inject(rover: FaultyRover) -> Iterator[None]:
+        rover.set(rectify='always')
+        try:
+            while True:
+                stamp = rover.next_stamp()
+                for side in ('left', 'right'):
+                    info = rover.camera.info(CAMERA, side, stamp)
+                    for name, value in fields.items():
+                        setattr(info, name, value)
+                    rover.camera.publishers[side, 'camera_info'].publish(info)
+                yield
+        finally:
+            rover.set(rectify='by_name')
+
+    return inject
 
 
 def other_camera(rover: FaultyRover) -> Iterator[None]:

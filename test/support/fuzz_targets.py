@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from recordings import ROS1, ROS2, stereo_messages, write_mcap, write_ros1, write_ros2
 
+from rover_obstacle_detection.bags.decompression import _zstd
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import read_pairs
 from rover_obstacle_detection.calibration_files.load import load_cameras
@@ -116,6 +117,7 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     'compressed': compressed,
     'image_message': image_message,
     'mcap': _bag('.mcap'),
+    'zstd': _bag('.mcap.zstd'),
     'sqlite3': _bag('.db3'),
     'rosbag1': _bag('.bag'),
     'calibration': calibration,
@@ -156,6 +158,9 @@ def seeds(target: str, folder: Path) -> list[bytes]:
             write_mcap(folder / 'one.mcap', messages).read_bytes(),
             _only(write_ros2(folder / 'zstd', messages, compression='storage'), '*.mcap'),
         ],
+        'zstd': lambda: [
+            _zstd.compress(write_mcap(folder / 'one.mcap', messages).read_bytes()),
+        ],
         'sqlite3': lambda: [_only(write_ros2(folder / 'sqlite', messages, 'sqlite3'), '*.db3')],
         'rosbag1': lambda: [
             write_ros1(folder / 'one.bag', stereo_messages(2, factory=ROS1)).read_bytes()
@@ -167,6 +172,8 @@ def seeds(target: str, folder: Path) -> list[bytes]:
         'arguments': lambda: [
             b'replay\0bag\0-o\0out\0--set\0max_step=0.2\0--every\0' + b'3',
             b'detect\0l.png\0r.png\0--left-info\0l.yaml\0--right-info\0r.yaml\0-o\0out',
+            b'replay\0bag\0-o\0out\0--rectify\0always\0--scheduler\0tcp://rack1:8786',
+            b'run\0--camera\0zed\0--namespace\0stereo\0--ros-args\0-p\0upside_down:=true',
         ],
     }
     return made[target]()

@@ -231,6 +231,17 @@ class LiveGraph:
         """Wait until somebody subscribes to all of these topics."""
         self.wait_for(lambda: all(self.node.count_subscribers(topic) for topic in topics))
 
+    def wait_until_matched(self, *publishers: Any) -> None:
+        """Wait until publishers and their subscribers in our node have found each other.
+
+        A publisher may find a subscriber first, which then misses what is published. Participants
+        announce their endpoints in order: who answers a client of now has found the publishers.
+        """
+        from lifecycle_msgs.srv import GetState
+
+        self.wait_for(lambda: all(each.get_subscription_count() for each in publishers))
+        self.call(GetState, '/stereo/obstacle_detector/get_state', GetState.Request())
+
     def call(self, type_: Any, name: str, request: Any) -> Any:
         client = self.node.create_client(type_, name)
         self.wait_for(client.service_is_ready)
@@ -277,10 +288,8 @@ class Camera:
         return self.graph.node.create_publisher(message_type(type_name), topic, qos)
 
     def wait_for_subscribers(self) -> None:
-        """Wait until each of the four topics has a subscriber that is matched."""
-        self.graph.wait_for(
-            lambda: all(each.get_subscription_count() for each in self.publishers.values())
-        )
+        """Wait until the node subscribes to the four topics and has found the publishers."""
+        self.graph.wait_until_matched(*self.publishers.values())
 
     def info(self, camera: StereoCamera, side: str, stamp: int) -> Any:
         return make_info(camera, side, stamp, self.graph.factory)

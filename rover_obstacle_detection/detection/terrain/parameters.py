@@ -201,7 +201,7 @@ class TerrainParameters:
     cell_per_step : float
         Side of the finest cell over `max_step_m`. Derived: two cells across a rock of that height.
     max_layers, max_cells : int
-        Maps, each twice as coarse as the one before, and cells along the last.
+        Maps, each twice as coarse as the one before, and most cells along one.
     rows_per_cell : float
         Image rows to a cell at the far end of its layer. Derived: fewer leave empty cells.
     overlap_factor, overlap_m : float

@@ -87,6 +87,7 @@ def layer_spans(
     cell_m = parameters.cell_per_step * parameters.max_step_m
     for number in range(parameters.max_layers):
         farthest_m = math.sqrt(camera.fy * camera_height_m * cell_m * parameters.rows_per_cell)
+        farthest_m = min(farthest_m, parameters.max_cells * cell_m)
         if farthest_m >= parameters.max_range_m or number == parameters.max_layers - 1:
             yield max(cell_m, parameters.max_range_m / parameters.max_cells), math.inf
             return

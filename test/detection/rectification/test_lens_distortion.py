@@ -143,6 +143,10 @@ def test_pixels_that_the_image_shows_with_a_margin():
     assert np.flatnonzero(with_margin[row])[0] == np.flatnonzero(seen[row])[0] + 4
 
 
+def test_without_distortion_everything_is_seen_up_to_the_border():
+    assert view(NO_DISTORTION).seen(reach_px=4).all()
+
+
 def test_seen_is_what_the_distorted_image_contains():
     lens = LensDistortion(0.1)
     x, y = CAMERA.rays()

@@ -83,6 +83,15 @@ def test_an_edge_is_a_brim_in_each_column(depth_m, turn):
     assert found.brims.sure.all()
 
 
+@pytest.mark.parametrize('roll_deg', [-25.0, 0.0, 25.0])
+def test_distances_are_along_the_ground_of_a_camera_that_rolls(roll_deg):
+    posed = replace(POSED, roll_deg=roll_deg)
+    found = Found(flat, posed=posed)
+    rows, columns = np.nonzero(found.disparity > 1)
+    along_m = found.brims.surface.points(rows, columns).along_m
+    np.testing.assert_allclose(along_m, found.y[rows, columns], rtol=1e-3, atol=1e-3)
+
+
 def test_a_row_before_the_brim_is_followed_by_the_lower_floor():
     found = Found(edge())
     brims = found.brims

@@ -87,6 +87,49 @@ def test_tiny_and_empty_maps_are_flat(shape, seen):
         assert np.isfinite(grid).all()
 
 
+def test_noise_of_the_height_is_that_of_pixels_to_all_sides():
+    layer = nearest_layer(flat)
+    stripe = np.zeros((61, 61), np.float32)
+    stripe[:, 30] = 1e5
+
+    def noise_m(information):
+        same = np.full((61, 61), 0.01, np.float32)
+        seen = replace(layer, information=information, noise_m=same, ground_m=same)
+        return ground_height(seen, PARAMETERS)[1]
+
+    beside_columns_m, beside_rows_m = noise_m(stripe), noise_m(np.ascontiguousarray(stripe.T))
+    assert beside_columns_m[30, 30] < 0.5 * beside_columns_m[30, 20]
+    np.testing.assert_allclose(beside_columns_m, beside_rows_m.T, rtol=1e-3)
+
+
+def test_each_scale_takes_over_when_the_one_before_is_too_noisy():
+    layer = nearest_layer(flat)
+    columns = np.arange(layer.mean_m.shape[1])
+    wavy = np.broadcast_to(0.05 * np.sin(columns * 0.2), layer.mean_m.shape).astype(np.float32)
+    inside = np.s_[20:-20, 20:-20]
+    tolerated = math.tan(math.radians(PARAMETERS.tolerated_rise_noise_deg))
+    scales_m = PARAMETERS.rise_scales_m[:3]
+
+    def rise(information, *scales_m):
+        noisy = replace(
+            layer,
+            mean_m=wavy,
+            information=np.full_like(wavy, information),
+            is_ground=np.ones(wavy.shape, np.bool_),
+            seen=np.ones(wavy.shape, np.bool_),
+        )
+        return ground_rise(noisy, replace(PARAMETERS, rise_scales_m=scales_m))
+
+    # The noise goes with the root of the information: twice the tolerated one at the second scale.
+    known = rise(1e4, scales_m[1]).noise[inside].mean() ** 2 * 1e4
+    information = known / (2 * tolerated) ** 2
+    np.testing.assert_allclose(
+        rise(information, *scales_m).right[inside],
+        rise(information, scales_m[2]).right[inside],
+        atol=0.002,
+    )
+
+
 def test_noise_widens_the_scale():
     layer = nearest_layer(flat)
     waves = 0.05 * np.sin(np.arange(layer.ground_m.shape[0]) * 0.04 * 2 * np.pi / 0.8)

@@ -229,6 +229,16 @@ def test_first_cell_follows_the_step():
     assert spans(max_step_m=0.25)[0][0] == pytest.approx(0.1)
 
 
+def test_a_layer_has_a_bounded_number_of_cells_however_far_the_camera_sees():
+    telephoto = PosedCamera(
+        replace(POSED.camera, fx=15_000.0, fy=15_000.0), pitch_deg=40.0, height_m=200.0
+    )
+    found = spans(telephoto, max_range_m=1000.0)
+    cells = [farthest_m / cell_m for cell_m, farthest_m in found]
+    assert cells[:-1] == [PARAMETERS.max_cells] * (len(cells) - 1)
+    assert found[-1][0] >= 1000.0 / PARAMETERS.max_cells
+
+
 def test_layers_follow_the_spans_and_share_no_pixel():
     terrain, disparity, _, y = POSED.survey(flat)
     assert [layer.positions.cell_m for layer in terrain.layers] == [cell for cell, _ in spans()]
