@@ -12,6 +12,7 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
+from rover_obstacle_detection.detection.images.empty_border import empty_border
 from rover_obstacle_detection.detection.images.grey_pair import equalized, grey_pair
 from rover_obstacle_detection.detection.methods.hybrid import detect_hybrid
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
@@ -87,7 +88,8 @@ class Detector:
         Parameters
         ----------
         left, right : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
-            Rectified, grey or BGR.
+            Rectified, grey or BGR. A border of either that rectification left black is neither
+            free nor an obstacle.
         gravity : Gravity, optional
             The vertical of this pair in the left optical frame, from an IMU or TF; by default as
             configured.
@@ -102,16 +104,25 @@ class Detector:
             If the pair says nothing about the ground, or contradicts itself (method `hybrid`).
         """
         pair = grey_pair(left, right, self.camera)
+        unseen = self._unseen(pair[0])
         if self.config.equalize_histogram:
             pair = equalized(pair)
         finished = on_stage or _ignore
-        frame = Frame(pair, self.camera, gravity or self._configured_gravity(), self.rover_mask)
+        frame = Frame(pair, self.camera, gravity or self._configured_gravity(), unseen)
         if not self.config.upside_down:
             finished('grey')
             return self._detect_upright(frame, finished)
         frame = frame.mirrored()
         finished('grey')
         return in_recorded_images(self._detect_upright(frame, finished), self.camera)
+
+    def _unseen(self, left: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
+        """Return the pixels that show no ground whatever is matched there."""
+        stereo = self._parameters.stereo
+        empty = empty_border(left, stereo.empty_block_px, stereo.empty_rim_px)
+        if empty is None or self.rover_mask is None:
+            return self.rover_mask if empty is None else empty
+        return empty | self.rover_mask
 
     def _detect_upright(self, frame: Frame, finished: OnStage) -> Detection:
         if self.config.method == 'study':

@@ -26,7 +26,8 @@ class Frame:
     gravity : Gravity, optional
         The vertical, where it is known.
     rover_mask : ndarray of bool, shape (height, width), optional
-        Pixels of the left image that show the rover: never matched, never judged.
+        Pixels of the left image that show the rover or, left empty by the rectification, nothing:
+        never matched, never judged.
     """
 
     pair: GreyPair

@@ -52,8 +52,8 @@ class Rectification:
     Notes
     -----
     The maps come from ``cv2.initUndistortRectifyMap`` (``cv2.fisheye`` for equidistant). K and P
-    are first converted to the cropped and binned image, as image_geometry does. Pixels outside
-    the raw image become 0.
+    are first converted to the cropped and binned image, as image_geometry does. Pixels that lie
+    outside the raw image, also in part, become 0.
     """
 
     def __init__(self, info: CameraInfo, name: str) -> None:
@@ -90,6 +90,8 @@ class Rectification:
             self._columns, self._rows = make_maps(k, distortion, r, p, self._size, cv2.CV_16SC2)
         except cv2.error:
             self._refuse(f'D is {info.d}: expected the coefficients of {info.distortion_model}')
+        within = np.full(self._size[::-1], 255, np.uint8)
+        self._empty = cv2.remap(within, self._columns, self._rows, cv2.INTER_LINEAR) < 255
         self.seen_share, used = self._shares()
         values = f'with K {info.k}, D {info.d}, R {info.r} and P {info.p}'
         if self.seen_share < _MIN_SEEN_SHARE:
@@ -133,6 +135,7 @@ class Rectification:
             )
             raise ImageError(msg)
         rectified: NDArray[Any] = cv2.remap(image, self._columns, self._rows, cv2.INTER_LINEAR)
+        rectified[self._empty] = 0
         return rectified
 
     def _refuse(self, reason: str) -> NoReturn:

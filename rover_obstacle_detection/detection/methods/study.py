@@ -18,6 +18,7 @@ from rover_obstacle_detection.detection.regions.parameters import RegionParamete
 from rover_obstacle_detection.detection.regions.segmentation import mean_shift_regions
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, Detection
+from rover_obstacle_detection.detection.stereo.empty_matches import remove_empty_matches
 from rover_obstacle_detection.detection.stereo.judged_range import too_near
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import (
@@ -112,6 +113,7 @@ def match_as_study(
     """
     penalties = chosen_penalties(stereo, Penalties(study.step_penalty, study.jump_penalty))
     matched = plain_disparity(*frame.pair, frame.camera, study.disparities, penalties, stereo)
+    remove_empty_matches(matched, frame.pair, frame.camera, stereo)
     disparity = np.asarray(cv2.medianBlur(matched, study.median_window_px), np.float32)
     disparity[disparity < frame.camera.disparity_at(study.max_range_m)] = 0
     if frame.rover_mask is not None:

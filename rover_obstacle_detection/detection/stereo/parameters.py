@@ -187,6 +187,14 @@ class StereoParameters:
     sky_texture : float
         Mean difference of neighbours below which that window shows bare sky, grey levels. Derived:
         noise of one grey level has 1.1.
+    empty_block_px : int
+        Side of the black blocks that an empty border is made of, odd. Derived: wider than posts
+        that stand out against black.
+    match_reach_px : int
+        Distance within which matching looks around a pixel. Derived: a block of 3 pixels and
+        SGBM's prefilter.
+    empty_rim_px : int
+        Pixels at an empty border that mix with its black. Derived: linear interpolation.
     refinement_windows_px : tuple of int
         Sides of the windows of sub-pixel refinement, widest first. Tuned on the tuning scenes.
     refinement_priors_px : tuple of float
@@ -236,6 +244,9 @@ class StereoParameters:
     search_margin_px: float = 5.0
     sky_window_px: int = 9
     sky_texture: float = 2.0
+    empty_block_px: int = 15
+    match_reach_px: int = 4
+    empty_rim_px: int = 1
     refinement_windows_px: tuple[int, ...] = (33, 9)
     refinement_priors_px: tuple[float, ...] = (0.5, 0.13)
     pixels_per_sample: float = 2.0

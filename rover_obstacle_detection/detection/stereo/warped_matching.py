@@ -19,6 +19,7 @@ from rover_obstacle_detection.detection.geometry.robust import quantile
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.strips import Strip, in_strips
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
+from rover_obstacle_detection.detection.stereo.empty_matches import remove_empty_matches
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.semi_global import (
     SUBPIXELS,
@@ -99,8 +100,8 @@ def warped_disparity(
     Returns
     -------
     ndarray of float32, shape (height, width)
-        Disparity in pixels, without the camera's offset; 0 where there is no match or it would lie
-        outside the right image.
+        Disparity in pixels, without the camera's offset; 0 where there is no match, it would lie
+        outside the right image, or rectification left either image empty.
     """
     lowest, count = search
     highest = lowest + count - 1
@@ -135,4 +136,5 @@ def warped_disparity(
         np.multiply(total, matched, out=disparity[strip.rows])
 
     in_strips(measure, camera.height)
+    remove_empty_matches(disparity, pair, camera, parameters, rows, expected <= 0)
     return disparity
