@@ -48,6 +48,9 @@ class VerticalParameters:
     search_cells : int
         With more cells than this, the search for a bend uses every `search_thinning`-th.
     search_thinning : int
+    even_cost : float
+        Cost of a fit below which no steps are searched. Derived: that of ground which deviates by
+        half a centimetre.
     step_distances : int
         Distances at which a step is tried, first everywhere and then around the best.
     step_width_m : float
@@ -88,6 +91,7 @@ class VerticalParameters:
     bend_widths_m: tuple[float, ...] = (0.05, 0.15, 0.3, 0.5)
     search_cells: int = 500
     search_thinning: int = 4
+    even_cost: float = 0.03
     step_distances: int = 14
     step_width_m: float = 0.05
     max_steps: int = 4

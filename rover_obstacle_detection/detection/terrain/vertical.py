@@ -61,8 +61,9 @@ def estimate_vertical(
     thinned = cells[:: p.search_thinning if len(cells) > p.search_cells else 1]
     bend = _mean_bend(thinned, p)
     flat_cost = _fit(thinned, None, 1.0, p)[1]
-    steps = _find_steps(thinned, p)
-    if steps.cost < p.max_cost_share * min(flat_cost, bend.min_cost):
+    best_cost = min(flat_cost, bend.min_cost)
+    steps = _find_steps(thinned, p) if best_cost > p.even_cost else None
+    if steps and steps.cost < p.max_cost_share * best_cost:
         rises = steps.rises
     elif bend.min_cost < p.max_cost_share * flat_cost and bend.angle_deg > p.min_bend_deg:
         rises = _rises_before(bend, cells, p)
@@ -146,16 +147,27 @@ def _find_steps(cells: Cells, p: VerticalParameters) -> _Steps:
     """Find the steps that fit best, one after the other while each improves the fit by much."""
     first, last = np.quantile(cells[:, 1], (p.tail_share, 1 - p.tail_share))
     distances_m = np.geomspace(first, p.last_hinge * last, p.step_distances + 1)[1:]
-    each_turn = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    found = [_with_step(cells, each, (), distances_m, p) for each in each_turn]
-    number = int(np.argmin([steps.cost for steps in found]))
-    steps = found[number]
+    ratio = distances_m[1] / distances_m[0]
+    around = ratio ** np.linspace(-1, 1, p.step_distances)
+
+    def refined(turn: float, steps: _Steps) -> _Steps:
+        *others_m, last_m = steps.distances_m
+        return min(steps, _with_step(cells, turn, tuple(others_m), last_m * around, p), key=_cost)
+
+    turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
+    found = [_with_step(cells, each, (), distances_m, p) for each in turns]
+    turn = turns[int(np.argmin([steps.cost for steps in found]))]
+    steps = refined(turn, min(found, key=_cost))
     while len(steps.distances_m) < p.max_steps:
-        more = _with_step(cells, each_turn[number], steps.distances_m, distances_m, p)
+        more = refined(turn, _with_step(cells, turn, steps.distances_m, distances_m, p))
         if more.cost > p.max_cost_share * steps.cost:
             break
         steps = more
     return steps
+
+
+def _cost(steps: _Steps) -> float:
+    return steps.cost
 
 
 def _with_step(
@@ -167,17 +179,11 @@ def _with_step(
 ) -> _Steps:
     """Add the step that fits best to some others, all across a direction turned to the right."""
     turned = _turned(cells, turn)
-    ratio = distances_m[1] / distances_m[0]
-    best_m = 0.0
-    # First everywhere, then around the best.
-    for tried_m in (distances_m, ratio ** np.linspace(-1, 1, len(distances_m))):
-        tried_m = tried_m * (best_m or 1)
-        design = np.stack([_step_design(turned, (*steps_m, float(each)), p) for each in tried_m])
-        solutions, costs = _solve(design, turned, p)
-        best = int(np.argmin(costs))
-        best_m = float(tried_m[best])
+    design = np.stack([_step_design(turned, (*steps_m, each), p) for each in distances_m.tolist()])
+    solutions, costs = _solve(design, turned, p)
+    best = int(np.argmin(costs))
     rises = solutions[best, 1:3] @ _rotation(turn)
-    return _Steps((*steps_m, best_m), np.asarray(rises), float(costs[best]))
+    return _Steps((*steps_m, float(distances_m[best])), np.asarray(rises), float(costs[best]))
 
 
 def _step_design(
