@@ -135,10 +135,11 @@ class ImageFolders:
     def _size(self, camera: Camera) -> tuple[int, int]:
         for name in camera.stamps_ns[0]:
             path = camera.folders[0] / name
-            if not path.is_file():
+            try:
+                data = _content(path)
+            except (OSError, ImageError):
                 continue
-            message = self._factory.make(COMPRESSED_TYPE, data=_content(path))
-            if size := image_size(message):
+            if size := image_size(self._factory.make(COMPRESSED_TYPE, data=data)):
                 return size
         raise BagError(f'{camera.folders[0]}: no image can be decoded')
 

@@ -12,10 +12,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
-from rover_obstacle_detection.detection.rocks.inference import (
-    WITHOUT_ONNX_RUNTIME,
-    has_onnx_runtime,
-)
+from rover_obstacle_detection.detection.rocks.inference import WITHOUT_ONNX_RUNTIME
+from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
@@ -195,7 +193,7 @@ class ObstacleDetector(LifecycleNode):
         self.get_logger().info(
             f'active, method {self._settings.config.method}: pairs of {left} and {right}'
         )
-        if self._settings.config.method == 'hybrid' and not has_onnx_runtime():
+        if self._settings.config.method == 'hybrid' and not outline_model().is_fast:
             self.get_logger().info(WITHOUT_ONNX_RUNTIME)
         self._may_be_idle = True
 

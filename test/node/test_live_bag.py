@@ -15,10 +15,8 @@ from live_graph import ROOT, LiveGraph, Process, Topic, live_graph, write_stereo
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.cli.main import main
-from rover_obstacle_detection.detection.rocks.inference import (
-    WITHOUT_ONNX_RUNTIME,
-    has_onnx_runtime,
-)
+from rover_obstacle_detection.detection.rocks.inference import WITHOUT_ONNX_RUNTIME
+from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.messages.header import stamp_ns
 
 BAG = ROOT / 'bags' / 'mars_yard'
@@ -98,7 +96,7 @@ def test_node_and_replay_publish_identical_messages(
                 assert (message.width, message.height) == (expected.width, expected.height)
             assert bytes(message.data) == bytes(expected.data)
     # This is the live test that also runs without ONNX Runtime.
-    assert (WITHOUT_ONNX_RUNTIME in node.output) != has_onnx_runtime()
+    assert (WITHOUT_ONNX_RUNTIME in node.output) != outline_model().is_fast
 
 
 @pytest.fixture(scope='module')

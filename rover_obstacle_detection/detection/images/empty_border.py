@@ -27,7 +27,10 @@ def empty_border(
         None if there is no border, as in most images. Black sky and shadow at the image's edge
         are found as well.
     """
-    if all(edge.all() for edge in (grey[0], grey[-1], grey[:, 0], grey[:, -1])):
+    # A block reaches beyond the image's edge by half.
+    if max(_longest_black(each) for each in (grey[0], grey[-1], grey[:, 0], grey[:, -1])) < (
+        block_px // 2
+    ):
         return None
     outside = block_px // 2 + 1
     padded = cv2.copyMakeBorder(grey, *(outside,) * 4, cv2.BORDER_CONSTANT, value=0)
@@ -39,3 +42,11 @@ def empty_border(
     if not blocks.any():
         return None
     return np.asarray(cv2.dilate(blocks, np.ones((2 * reach_px + 1,) * 2, np.uint8)) > 0)
+
+
+def _longest_black(line: NDArray[np.uint8]) -> int:
+    """Length of the longest run of zeros."""
+    if line.all():
+        return 0
+    bright = np.flatnonzero(np.concatenate(([1], line, [1])))
+    return int(np.diff(bright).max()) - 1

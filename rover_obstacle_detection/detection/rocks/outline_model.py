@@ -11,7 +11,7 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.rocks.inference import load_inference
+from rover_obstacle_detection.detection.rocks.inference import OnnxRuntimeInference, load_inference
 from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES, FEATURES_VERSION
 from rover_obstacle_detection.detection.rocks.windows import BLOCK_PX
@@ -58,6 +58,11 @@ class OutlineModel:
             )
             raise ModelError(msg)
         self._inference = load_inference(data)
+
+    @property
+    def is_fast(self) -> bool:
+        """Whether ONNX Runtime runs it."""
+        return isinstance(self._inference, OnnxRuntimeInference)
 
     def probability(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return how likely each pixel is on an obstacle that stands up.

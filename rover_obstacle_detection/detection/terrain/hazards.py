@@ -73,7 +73,8 @@ def dropping_ground(
         height_m, noise_m = ground_height(layer, p)
         depth_m = hollow_depth(level_heights(height_m, cell_m, ground), layer.seen, cell_m, p)
         found = depth_m > p.max_step_m + p.drop_noises * noise_m
-        possible = depth_m > np.maximum(p.max_step_m - p.free_noises * noise_m, p.min_hollow_m)
+        least_m = min(p.min_hollow_m, p.max_step_m / 2)
+        possible = depth_m > np.maximum(p.max_step_m - p.free_noises * noise_m, least_m)
         return Hazard(np.asarray(found), np.asarray(possible))
 
     return _on_pixels(terrain, dropped, p)

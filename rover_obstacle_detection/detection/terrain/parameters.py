@@ -63,8 +63,9 @@ class VerticalParameters:
         Smaller bends are undulation.
     max_cost_share : float
         Cost of a bent fit, relative to a flat one, above which there is no bend; of steps,
-        relative to the better of both, above which there are none; of one more step, relative to
-        those without it, above which there are no more.
+        relative to the better of both, above which there are none.
+    max_more_share : float
+        Cost of one more step, relative to those without it, above which no more are searched.
     max_turn_deg : float
         Greatest angle between the vertical and the normal of the ground plane; beyond it, the
         normal counts. Set between 8 degrees, the most on slopes and dunes, and 18 beside a canyon.
@@ -98,6 +99,7 @@ class VerticalParameters:
     cost_tolerance: float = 0.1
     min_bend_deg: float = 6.0
     max_cost_share: float = 0.6
+    max_more_share: float = 0.9
     max_turn_deg: float = 15.0
     level_share: float = 0.5
 
@@ -248,6 +250,8 @@ class TerrainParameters:
         Rises with more noise are ignored.
     lost_slope_deg : float
         Slope that smoothing removes where a slope begins and ends.
+    max_lost_share : float
+        The same relative to a small `max_slope_deg`, where free ground is concerned.
     free_noises : float
         Standard deviations, of the rise or of the height, by which a slope or a hollow must stay
         within the limit to be free. Derived: the usual two.
@@ -265,8 +269,8 @@ class TerrainParameters:
     max_hollow_m : float
         Hollows that are wider are terrain, not drops.
     min_hollow_m : float
-        Hollows that are shallower are free, however great the noise. Derived: relief of driveable
-        ground.
+        Hollows that are shallower, or shallower than half of a small `max_step_m`, are free,
+        however great the noise. Derived: relief of driveable ground.
     hollow_cells : int
         Cells across that width in which drops are searched.
     drop_noises : float
@@ -328,6 +332,7 @@ class TerrainParameters:
     tolerated_rise_noise_deg: float = 3.0
     max_rise_noise_deg: float = 20.0
     lost_slope_deg: float = 2.5
+    max_lost_share: float = 0.125
     free_noises: float = 2.0
     steep_share: float = 0.4
     slope_margin_m: float = 0.06

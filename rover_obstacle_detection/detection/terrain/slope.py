@@ -59,18 +59,20 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     known = rise.noise < math.tan(math.radians(parameters.max_rise_noise_deg))
     limit = math.radians(parameters.max_slope_deg)
     nearly = max(limit - math.radians(parameters.lost_slope_deg), 0)
-    sure = nearly - parameters.free_noises * np.arctan(rise.noise)
-    possible = np.asarray((upward < np.cos(sure)) | (sure <= 0))
+    lost = min(limit - nearly, parameters.max_lost_share * limit)
+    sure = limit - lost - parameters.free_noises * np.arctan(rise.noise)
+    # What is not a number is not ruled out.
+    possible = ~((upward >= np.cos(sure)) & (sure > 0))
     steep = (upward < math.cos(limit)) & known
     if not steep.any():
-        return Hazard(np.asarray(steep), possible)
+        return Hazard(np.asarray(steep), np.asarray(possible))
     almost = (upward < math.cos(nearly)) & known
     count, labels = cv2.connectedComponents(almost.astype(np.uint8), connectivity=8)
     whole = np.bincount(labels.ravel(), minlength=count)
     part = np.bincount(labels[steep], minlength=count)
     kept = part >= parameters.steep_share * whole
     kept[0] = False
-    return Hazard(np.asarray(steep | kept[labels]), possible)
+    return Hazard(np.asarray(steep | kept[labels]), np.asarray(possible))
 
 
 def level_heights(relief_m: Grid, cell_m: float, ground: GroundPlane) -> Grid:

@@ -160,7 +160,7 @@ def _find_steps(cells: Cells, p: VerticalParameters) -> _Steps:
     steps = refined(turn, min(found, key=_cost))
     while len(steps.distances_m) < p.max_steps:
         more = refined(turn, _with_step(cells, turn, steps.distances_m, distances_m, p))
-        if more.cost > p.max_cost_share * steps.cost:
+        if more.cost > p.max_more_share * steps.cost:
             break
         steps = more
     return steps

@@ -15,7 +15,7 @@ from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.messages.image_header import declared_size
 from rover_obstacle_detection.offline.replay import rounded_up
 from rover_obstacle_detection.pairing import Pair, StereoPairing, shows_one_moment
-from rover_obstacle_detection.wording import counted
+from rover_obstacle_detection.wording import counted, printable
 
 # With fewer equal stamps than this share of the images, a tolerance may find more pairs.
 _EQUAL_SHARE = 0.9
@@ -142,7 +142,7 @@ def read_streams(
     for topic, log_time_ns, message in bag.messages({*streams, *infos}):
         if topic in streams:
             file = bag.file_of(topic, log_time_ns)
-            streams[topic].take(log_time_ns, message, str(file or ''))
+            streams[topic].take(log_time_ns, message, printable(file or ''))
         else:
             infos[topic].take(message)
     return streams, infos

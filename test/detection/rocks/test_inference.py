@@ -5,6 +5,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -13,14 +14,13 @@ from rover_obstacle_detection.detection.rocks import inference as module
 from rover_obstacle_detection.detection.rocks.inference import (
     OnnxRuntimeInference,
     OpenCVInference,
-    has_onnx_runtime,
     load_inference,
 )
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES
 from rover_obstacle_detection.detection.rocks.outline_model import MODEL_FILE
 
 needs_onnx_runtime = pytest.mark.skipif(
-    not has_onnx_runtime(), reason='ONNX Runtime (extra fast) is not installed'
+    find_spec('onnxruntime') is None, reason='ONNX Runtime (extra fast) is not installed'
 )
 
 FORK = """
@@ -81,6 +81,19 @@ def test_onnx_runtime_is_preferred(model):
 def test_without_onnx_runtime_opencv_runs_the_network(model, monkeypatch):
     monkeypatch.setattr(module, 'find_spec', lambda name: None)
     assert isinstance(load_inference(model), OpenCVInference)
+
+
+def test_a_broken_onnx_runtime_is_named_and_opencv_runs_the_network(
+    model, tmp_path, monkeypatch, caplog
+):
+    broken = tmp_path / 'onnxruntime'
+    broken.mkdir()
+    (broken / '__init__.py').write_text("raise ImportError('DLL load failed')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, 'onnxruntime', raising=False)
+    assert isinstance(load_inference(model), OpenCVInference)
+    (text,) = caplog.messages
+    assert text.startswith('ONNX Runtime cannot be used (DLL load failed): the outline network')
 
 
 @needs_onnx_runtime

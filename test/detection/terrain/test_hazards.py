@@ -132,6 +132,12 @@ def test_hollow_is_possible_within_two_deviations_of_noise(depth, noise_px, poss
     assert dropped.possible[inner].mean() == pytest.approx(possible, abs=0.1)
 
 
+def test_hollow_of_two_small_steps_is_possible():
+    _, dropped, x, y = judged(block(0.0, 2.0, 0.8, -0.02), max_step_m=0.01)
+    inner = np.maximum(abs(x), abs(y - 2)) < 0.3
+    assert (dropped.possible | dropped.found)[inner].mean() > 0.6
+
+
 def test_hollow_shallower_than_relief_is_ruled_out_whatever_the_noise():
     _, dropped, *_ = judged(block(0.0, 2.0, 0.8, -0.02), noise_px=0.3)
     assert not dropped.possible.any()

@@ -111,6 +111,19 @@ def test_slope_is_possible_within_smoothing_and_two_deviations_of_noise(noise_de
         assert inner.all() if possible else not inner.any(), angle
 
 
+def test_a_small_limit_leaves_level_ground_free():
+    parameters = replace(PARAMETERS, max_slope_deg=2.0)
+    noise = math.tan(math.radians(0.3))
+    assert not steep_cells(rise_of(ramp(0), noise), ground(), parameters).possible[INNER].any()
+    assert steep_cells(rise_of(ramp(1.8), noise), ground(), parameters).possible[INNER].all()
+
+
+def test_what_is_not_known_is_possible():
+    relief = ramp(0)
+    relief[20, 30] = np.nan
+    assert steep_cells(rise_of(relief), ground(), PARAMETERS).possible[19:22, 30].any()
+
+
 def test_slope_is_possible_wherever_the_rise_is_not_known():
     assert steep_cells(rise_of(ramp(0), noise=0.5), ground(), PARAMETERS).possible.all()
 

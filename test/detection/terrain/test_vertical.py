@@ -79,7 +79,13 @@ def terraces(*edges, step_m, turn=0.0):
 
 @pytest.mark.parametrize(
     ('edges', 'step_m', 'turn'),
-    [((2.5,), 0.15, 0.0), ((2.5,), 0.4, 0.3), ((2.0,), -0.2, 0.0), ((2.0, 3.0, 4.0), 0.15, 0.0)],
+    [
+        ((2.5,), 0.15, 0.0),
+        ((2.5,), 0.4, 0.3),
+        ((2.0,), -0.2, 0.0),
+        ((2.0, 3.0, 4.0), 0.15, 0.0),
+        ((2.0, 2.7), 0.2, 0.0),
+    ],
 )
 def test_ledges_and_terraces_do_not_tilt_the_vertical(edges, step_m, turn):
     high = PosedCamera(height_m=2.0)
