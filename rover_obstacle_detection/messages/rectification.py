@@ -109,7 +109,7 @@ class Rectification:
         """Share of the rectified image that lies within the raw one, and of that in a box."""
         width, height = self._size
         column, row = self._columns[..., 0], self._columns[..., 1]
-        seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        seen = ~self._empty
         if not seen.any():
             return 0.0, 0.0
         used = math.prod(int(np.ptp(each[seen])) + 1 for each in (column, row))
