@@ -123,7 +123,8 @@ def changes(source: str) -> Iterator[tuple[int, int, str]]:
         elif isinstance(node, ast.BoolOp):
             gaps = list(zip(node.values, node.values[1:], strict=False))
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            yield place.start(node), place.start(node.operand), ''
+            # Not the parenthesis that may follow.
+            yield place.start(node), place.start(node) + len('not '), ''
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
             changed = node.value + 1 if isinstance(node.value, int) else 2 * node.value or 1.0
             yield place.start(node), place.end(node), repr(changed)

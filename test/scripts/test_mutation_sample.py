@@ -33,6 +33,7 @@ def mutants_of(source: str) -> list[str]:
         ("'1' + True", ["'1' - True"]),
         ('x: tuple[Literal[1], 2] = y', []),
         ('"é"; a < b', ['"é"; a <= b']),
+        ('not (a)', ['(a)']),
     ],
 )
 def test_changes(source: str, expected: list[str]) -> None:
