@@ -27,7 +27,8 @@ class RockParameters:
     candidate_share, candidate_noises : float
         The same for the core of a part that the network is asked about.
     free_probability : float
-        Network output from which a pixel is not free, whether or not it is an obstacle.
+        Network output from which a pixel is not free, whether or not it is an obstacle. Chosen on
+        the tuning scenes of the suite `hazards` and all of `standard`.
     min_core_pixels : int
         Pixels of a core.
     top_share : float

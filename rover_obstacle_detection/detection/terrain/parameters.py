@@ -66,6 +66,7 @@ class VerticalParameters:
         relative to the better of both, above which there are none.
     max_more_share : float
         Cost of one more step, relative to those without it, above which no more are searched.
+        Chosen on ray-cast ledges and terraces and all scenes of `standard` and `hazards`.
     max_turn_deg : float
         Greatest angle between the vertical and the normal of the ground plane; beyond it, the
         normal counts. Set between 8 degrees, the most on slopes and dunes, and 18 beside a canyon.
