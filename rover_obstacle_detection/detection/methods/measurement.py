@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,7 +27,11 @@ from rover_obstacle_detection.detection.images.image_noise import (
     smoothed_against_noise,
 )
 from rover_obstacle_detection.detection.images.texture import texture_level
-from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
+from rover_obstacle_detection.detection.methods.stages import (
+    HYBRID_STAGES,
+    HybridStages,
+    Vector,
+)
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.rectify import Rectified
@@ -43,7 +47,7 @@ from rover_obstacle_detection.detection.stereo.pair_check import check_pair
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
 from rover_obstacle_detection.detection.stereo.support import measure_support, sparse_areas
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
-from rover_obstacle_detection.detection.terrain.brims import Brims
+from rover_obstacle_detection.detection.terrain.level_brims import AllBrims, brims_by_vertical
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 from rover_obstacle_detection.errors import UnjudgeablePairError
 
@@ -64,7 +68,7 @@ class Measurement(NamedTuple):
         In the straightened left image.
     terrain : Terrain
         Likewise.
-    brims : Brims
+    brims : AllBrims
         Likewise.
     sparse : ndarray of bool, shape (height, width)
         Areas without texture, or with too little for matches to be trusted: see `Support` and
@@ -76,7 +80,7 @@ class Measurement(NamedTuple):
     correction: Correction
     stereo: Stereo
     terrain: Terrain
-    brims: Brims
+    brims: AllBrims
     sparse: Mask
     warnings: tuple[str, ...] = ()
 
@@ -127,15 +131,17 @@ def measure(
         check_upright(coarse, p)
     finished('support')
     stereo = stages.reflections(stereo, p.terrain)
-    brims = stages.brims(stereo, p.terrain)
+    brims = AllBrims((stages.brims(stereo, p.terrain),))
     finished('brims')
     terrain = stages.survey(stereo, p.terrain)
     finished('local ground')
+    verticals: Sequence[Vector] = [ground.up]
     if frame.gravity is None and ground.measured:
         beyond = brims.beyond()
         before = [layer.without(beyond) for layer in terrain.layers]
-        up = stages.vertical(before, ground, p.terrain)
-        stereo = replace(stereo, ground=replace(ground, up=up))
+        verticals = stages.verticals(before, ground, p.terrain)
+    brims, up = brims_by_vertical(brims, verticals, stereo, stages.brims, p.terrain)
+    stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
     return Measurement(frame, correction, stereo, terrain, brims, sparse, doubts + warnings)
 

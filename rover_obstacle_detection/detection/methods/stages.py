@@ -34,7 +34,7 @@ from rover_obstacle_detection.detection.terrain.reflections import without_refle
 from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.survey import survey
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
-from rover_obstacle_detection.detection.terrain.vertical import estimate_vertical
+from rover_obstacle_detection.detection.terrain.vertical import likely_verticals
 
 Image = NDArray[np.float32]
 Vector = tuple[float, float, float]
@@ -55,8 +55,8 @@ class HybridStages:
     reflections: Callable[[Stereo, TerrainParameters], Stereo] = without_reflections
     brims: Callable[[Stereo, TerrainParameters], Brims] = find_brims
     survey: Callable[[Stereo, TerrainParameters], Terrain] = survey
-    vertical: Callable[[Sequence[Layer], GroundPlane, TerrainParameters], Vector] = (
-        estimate_vertical
+    verticals: Callable[[Sequence[Layer], GroundPlane, TerrainParameters], Sequence[Vector]] = (
+        likely_verticals
     )
     slope: Callable[[Terrain, GroundPlane, TerrainParameters], Hazard] = steep_ground
     drop: Callable[[Terrain, GroundPlane, TerrainParameters], Hazard] = dropping_ground

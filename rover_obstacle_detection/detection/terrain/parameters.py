@@ -171,6 +171,9 @@ class BrimParameters:
     max_grazing_share : float
         Downward slope before the brim, relative to the sight line's, from which it is a crest:
         ground that bends down gradually. Tuned on ray-cast edges and crests.
+    min_tilt_deg : float
+        Angle between the ground plane's normal and the vertical from which brims are looked for
+        over a level plane as well. Derived: less lowers a step by a few centimetres at most.
     min_width_m : float
         Narrower brims are noise, or holes that no wheel enters.
     min_width_share : float
@@ -190,6 +193,7 @@ class BrimParameters:
     before_m: float = 0.3
     max_rise_deg: float = 10.0
     max_grazing_share: float = 0.5
+    min_tilt_deg: float = 4.0
     min_width_m: float = 0.15
     min_width_share: float = 0.1
 

@@ -19,11 +19,12 @@ from rover_obstacle_detection.detection.terrain.parameters import (
 from rover_obstacle_detection.detection.terrain.terrain import Layer
 
 Cells = NDArray[np.float64]
+Vector = tuple[float, float, float]
 
 
-def estimate_vertical(
+def likely_verticals(
     layers: Sequence[Layer], ground: GroundPlane, parameters: TerrainParameters
-) -> tuple[float, float, float]:
+) -> list[Vector]:
     """Estimate the normal of the ground that the rover stands on.
 
     Parameters
@@ -35,8 +36,9 @@ def estimate_vertical(
 
     Returns
     -------
-    tuple of float
-        Unit vector in the left optical frame.
+    list of tuple of float
+        Unit vectors in the left optical frame, likeliest first. More than one only where a slope
+        and steps between level ground fit equally well.
 
     Notes
     -----
@@ -50,25 +52,35 @@ def estimate_vertical(
     the bend is the mean of all bends, weighted by fit.
 
     A ledge or a terrace ahead would tilt a plane as well. So steps between levels of one slope are
-    fitted too. If they fit much better than a plane and a bend, that slope counts.
+    fitted too. If they fit much better than a plane and a bend, that slope counts. If they fit
+    just better, either may be true: stairs look like the slope that runs along them.
 
     All fits are iteratively reweighted least squares with Cauchy weights.
     """
     p = parameters.vertical
     cells = _weighted_cells(layers, parameters)
     if len(cells) < p.min_cells:
-        return ground.up
+        return [ground.up]
     thinned = cells[:: p.search_thinning if len(cells) > p.search_cells else 1]
     bend = _mean_bend(thinned, p)
     flat_cost = _fit(thinned, None, 1.0, p)[1]
     best_cost = min(flat_cost, bend.min_cost)
     steps = _find_steps(thinned, p) if best_cost > p.even_cost else None
-    if steps and steps.cost < p.max_cost_share * best_cost:
-        rises = steps.rises
-    elif bend.min_cost < p.max_cost_share * flat_cost and bend.angle_deg > p.min_bend_deg:
-        rises = _rises_before(bend, cells, p)
-    else:
-        rises = _fit(cells, None, 1.0, p)[0][1:3]
+    likely = []
+    if not steps or steps.cost >= p.max_cost_share * best_cost:
+        if bend.min_cost < p.max_cost_share * flat_cost and bend.angle_deg > p.min_bend_deg:
+            likely.append(_rises_before(bend, cells, p))
+        else:
+            likely.append(_fit(cells, None, 1.0, p)[0][1:3])
+    if steps and steps.cost < best_cost:
+        likely.append(steps.rises)
+    return [_vertical(rises, ground, p) for rises in likely]
+
+
+def _vertical(
+    rises: NDArray[np.float64], ground: GroundPlane, p: VerticalParameters
+) -> Vector:
+    """Normal of ground that rises to the right and forward over the plane."""
     right, forward = ground_axes(ground)
     normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
     normal /= np.linalg.norm(normal)
