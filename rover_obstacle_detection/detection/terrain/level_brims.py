@@ -36,11 +36,12 @@ class AllBrims:
 
     def edge(self, parameters: BrimParameters, lengths: int = 1) -> Mask:
         """Mark the last of the ground before each sure brim: see `Brims.edge`."""
-        return np.logical_or.reduce([each.edge(parameters, lengths) for each in self.parts])
+        edges = [each.edge(parameters, lengths) for each in self.parts]
+        return np.asarray(np.logical_or.reduce(edges))
 
     def beyond(self) -> Mask:
         """Mark the pixels behind a brim that lie lower than the rover can step."""
-        return np.logical_or.reduce([each.beyond() for each in self.parts])
+        return np.asarray(np.logical_or.reduce([each.beyond() for each in self.parts]))
 
 
 def brims_by_vertical(

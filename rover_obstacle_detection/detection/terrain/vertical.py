@@ -77,10 +77,8 @@ def likely_verticals(
     return [_vertical(rises, ground, p) for rises in likely]
 
 
-def _vertical(
-    rises: NDArray[np.float64], ground: GroundPlane, p: VerticalParameters
-) -> Vector:
-    """Normal of ground that rises to the right and forward over the plane."""
+def _vertical(rises: NDArray[np.float64], ground: GroundPlane, p: VerticalParameters) -> Vector:
+    """Return the normal of ground that rises to the right and forward over the plane."""
     right, forward = ground_axes(ground)
     normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
     normal /= np.linalg.norm(normal)

@@ -115,9 +115,9 @@ def _single_layer(stereo: Stereo, parameters: TerrainParameters) -> Terrain:
 
 def _vertical_of_plane(
     layers: Sequence[Layer], ground: GroundPlane, parameters: TerrainParameters
-) -> tuple[float, float, float]:
+) -> list[tuple[float, float, float]]:
     """Keep the vertical that came with the ground plane."""
-    return ground.up
+    return [ground.up]
 
 
 def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:

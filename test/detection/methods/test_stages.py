@@ -42,7 +42,7 @@ def test_known_gravity_is_not_estimated():
     def estimate(*arguments):
         raise AssertionError
 
-    stages = replace(HYBRID_STAGES, vertical=estimate)
+    stages = replace(HYBRID_STAGES, verticals=estimate)
     assert detect(stages, gravity=SCENE.gravity).ground.up == SCENE.gravity.up
     with pytest.raises(AssertionError):
         detect(stages)

@@ -10,7 +10,7 @@ from relief import PARAMETERS, PosedCamera, bank, block, flat, tilted, together
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain.survey import survey
-from rover_obstacle_detection.detection.terrain.vertical import estimate_vertical
+from rover_obstacle_detection.detection.terrain.vertical import likely_verticals
 
 POSED = PosedCamera()
 LEANING = GroundPlane(
@@ -25,7 +25,7 @@ def apart_deg(one, other):
 
 
 def vertical_of(layers, ground=POSED.level_ground):
-    found = estimate_vertical(layers, ground, PARAMETERS)
+    found, *_ = likely_verticals(layers, ground, PARAMETERS)
     assert np.linalg.norm(found) == pytest.approx(1)
     return found
 
@@ -90,6 +90,17 @@ def terraces(*edges, step_m, turn=0.0):
 def test_ledges_and_terraces_do_not_tilt_the_vertical(edges, step_m, turn):
     high = PosedCamera(height_m=2.0)
     assert apart_deg(vertical(terraces(*edges, step_m=step_m, turn=turn), high), high.up) < 0.5
+
+
+def test_steps_that_fit_only_a_little_better_come_second():
+    high = PosedCamera(height_m=2.0)
+    terrain, *_ = high.survey(terraces(2.5, 3.2, step_m=-0.2))
+    never_much_better = replace(PARAMETERS.vertical, max_cost_share=0.0)
+    parameters = replace(PARAMETERS, vertical=never_much_better)
+    plane, steps = likely_verticals(terrain.layers, high.level_ground, parameters)
+    assert apart_deg(plane, high.up) > 2
+    assert apart_deg(steps, high.up) < 0.5
+    assert likely_verticals(terrain.layers, high.level_ground, PARAMETERS) == [steps]
 
 
 def test_a_ledge_on_a_slope_does_not_tilt_the_vertical():
