@@ -23,8 +23,8 @@ VERSION_KEY = 'features_version'
 
 # Taller windows are run in two halves, which takes half the memory. Each half extends this far
 # beyond its end, as far as the network looks.
-_MAX_ROWS = 512
-_REACH_PX = 144
+_MAX_ROWS = 640
+_REACH_PX = 80
 
 
 class OutlineModel:
