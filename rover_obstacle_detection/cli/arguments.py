@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import difflib
+import logging
 import math
 from pathlib import Path
 from typing import Any
 
 from rover_obstacle_detection.detection.config import METHODS, DetectorConfig
 from rover_obstacle_detection.errors import ConfigurationError
+
+_logger = logging.getLogger(__name__)
 
 # The other sources need a running ROS graph.
 OFFLINE_GRAVITY_SOURCES = ('estimate', 'parameters')
@@ -220,6 +223,8 @@ def detector_config(arguments: argparse.Namespace) -> DetectorConfig:
             f'gravity_source is {config.gravity_source!r}, which needs the live node: '
             f'expected {" or ".join(OFFLINE_GRAVITY_SOURCES)}'
         )
+    if config.without_effect:
+        _logger.warning(config.without_effect)
     return config
 
 

@@ -350,6 +350,17 @@ class DetectorConfig:
             raise ConfigurationError(msg)
 
     @property
+    def without_effect(self) -> str | None:
+        """What the user should know of parameters that are set and change nothing."""
+        names = [each for each in ('camera_pitch', 'camera_roll') if getattr(self, each)]
+        if not names or self.gravity_source == 'parameters':
+            return None
+        return (
+            f'{" and ".join(names)} will have no effect, since gravity_source is '
+            f'{self.gravity_source!r}: set it to parameters to use them'
+        )
+
+    @property
     def block_size(self) -> int:
         """Side of the matching block, pixels."""
         if self.correlation_window_size > 0:

@@ -195,7 +195,12 @@ class ObstacleDetector(LifecycleNode):
         )
         if self._settings.config.method == 'hybrid' and not outline_model().is_fast:
             self.get_logger().info(WITHOUT_ONNX_RUNTIME)
+        self._warn_of_parameters_without_effect()
         self._may_be_idle = True
+
+    def _warn_of_parameters_without_effect(self) -> None:
+        if self._settings.config.without_effect:
+            self.get_logger().warning(self._settings.config.without_effect)
 
     def _deactivate(self) -> None:
         inputs, self._inputs = self._inputs, None
@@ -255,6 +260,8 @@ class ObstacleDetector(LifecycleNode):
             self._gravity.configure(self._settings)
         if before.watchdog != self._settings.watchdog:
             self._watchdog.configure(self._settings.watchdog)
+        if before.config.without_effect != self._settings.config.without_effect:
+            self._warn_of_parameters_without_effect()
 
     def _connections(self) -> Connections:
         inputs, outputs = self._inputs, self._outputs

@@ -286,3 +286,10 @@ def test_bad_input_is_one_line_and_writes_nothing(files, spoil, complaint, capsy
     assert error.count('\n') == 1
     assert re.search(complaint, error), error
     assert not (files / 'out').exists()
+
+
+def test_a_parameter_without_effect_is_named(files, capsys):
+    assert _detect(files, '--set', 'camera_pitch=30') == 0
+    assert (
+        "camera_pitch will have no effect, since gravity_source is 'est" in capsys.readouterr().err
+    )

@@ -176,3 +176,23 @@ def test_a_tiny_value_is_neither_unset_nor_meant(name):
     assert getattr(DetectorConfig(**{name: 0.0}), name) == 0
     with pytest.raises(ConfigurationError, match=f'{name} is 1e-09: expected 0, or'):
         DetectorConfig(**{name: 1e-9})
+
+
+@pytest.mark.parametrize(
+    ('values', 'names'),
+    [
+        ({'camera_pitch': 30.0}, 'camera_pitch will'),
+        ({'camera_roll': -2.0, 'gravity_source': 'imu'}, 'camera_roll will'),
+        ({'camera_pitch': 30.0, 'camera_roll': 2.0}, 'camera_pitch and camera_roll will'),
+    ],
+)
+def test_angles_without_effect_are_named(values, names):
+    message = DetectorConfig(**values).without_effect
+    assert message.startswith(names)
+    assert f'gravity_source is {values.get("gravity_source", "estimate")!r}' in message
+    assert DetectorConfig(**values | {'gravity_source': 'parameters'}).without_effect is None
+
+
+def test_other_parameters_have_an_effect():
+    assert DetectorConfig().without_effect is None
+    assert DetectorConfig(camera_height=1.2, max_camera_pitch=30.0).without_effect is None

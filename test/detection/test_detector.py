@@ -399,7 +399,7 @@ def test_a_pickled_detection_is_the_same_and_read_only(found):
 
 def test_repr_is_one_short_line(found):
     assert re.fullmatch(
-        rf'<Detection 320 x 240, {found.config.method}: {len(found.obstacles)} obstacles, '
+        rf'<Detection 320 x 240, {found.config.method}: {len(found.obstacles)} obstacles?, '
         r'[\d.]+% obstacle, [\d.]+% unknown, 0 warnings>',
         repr(found),
     )

@@ -122,6 +122,13 @@ def test_integer_is_accepted_for_a_float_parameter(rover: ConfigurableRover) -> 
     rover.set(max_range=10.0)
 
 
+def test_an_angle_without_effect_is_named_in_the_log(rover: ConfigurableRover) -> None:
+    rover.set(camera_pitch=30)
+    words = "camera_pitch will have no effect, since gravity_source is 'estimate'"
+    rover.wait_for(lambda: words in rover.process.output)
+    rover.set(camera_pitch=0)
+
+
 def test_gravity_from_tf_needs_tf2_ros(rover: ConfigurableRover) -> None:
     try:
         import tf2_ros  # noqa: F401

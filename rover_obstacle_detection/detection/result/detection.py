@@ -36,6 +36,7 @@ from rover_obstacle_detection.detection.result.obstacles import (
 from rover_obstacle_detection.detection.result.rims import STANDING, Rims, find_rims
 from rover_obstacle_detection.detection.result.thinning import one_per_cell
 from rover_obstacle_detection.detection.study.products import StudyProducts
+from rover_obstacle_detection.wording import counted
 
 OBSTACLE = 255
 FREE = 0
@@ -108,10 +109,11 @@ class Detection:
     def __repr__(self) -> str:
         obstacle = np.count_nonzero(self.mask) / self.mask.size
         unknown = 1 - np.count_nonzero(self.known) / self.known.size
+        obstacles, warnings = int(self.obstacle_numbers.max()), len(self.warnings)
         return (
             f'<{type(self).__name__} {self.camera.width} x {self.camera.height}, '
-            f'{self.config.method}: {self.obstacle_numbers.max()} obstacles, '
-            f'{obstacle:.1%} obstacle, {unknown:.1%} unknown, {len(self.warnings)} warnings>'
+            f'{self.config.method}: {counted(obstacles, "obstacle")}, '
+            f'{obstacle:.1%} obstacle, {unknown:.1%} unknown, {counted(warnings, "warning")}>'
         )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
