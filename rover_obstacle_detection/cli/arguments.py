@@ -36,7 +36,7 @@ def add_command(
 
     Without `usage`, argparse lists all options.
     """
-    return subparsers.add_parser(
+    parser = subparsers.add_parser(
         name,
         help=summary,
         description=description,
@@ -44,6 +44,17 @@ def add_command(
         usage=usage,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.set_defaults(subparser=parser)
+    return parser
+
+
+def unrecognized(words: list[str], parser: argparse.ArgumentParser) -> str:
+    """Name the words that a subcommand does not take, and the options that may be meant."""
+    options = parser._option_string_actions
+    near = [difflib.get_close_matches(each.partition('=')[0], options, n=1) for each in words]
+    meant = dict.fromkeys(match for matches in near for match in matches)
+    hint = f': did you mean {" or ".join(meant)}?' if meant else ''
+    return f'unrecognized arguments: {" ".join(words)}{hint}'
 
 
 def non_negative_number(text: str) -> float:

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from types import FrameType
 
 from rover_obstacle_detection import __version__
+from rover_obstacle_detection.cli.arguments import unrecognized
 from rover_obstacle_detection.cli.console import report_error, warnings_on_stderr
 from rover_obstacle_detection.errors import ObstacleDetectionError, failure_text
 
@@ -108,7 +109,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     parser = make_parser()
     words = sys.argv[1:] if argv is None else argv
-    arguments = parser.parse_args(words)
+    arguments, unknown = parser.parse_known_args(words)
+    if unknown:
+        arguments.subparser.error(unrecognized(unknown, arguments.subparser))
     arguments.command_line = shlex.join(('rover-obstacles', *words))
     try:
         with _termination_unwinds(), warnings_on_stderr():

@@ -130,6 +130,15 @@ def test_help_imports_nothing_slow():
         (('detect', 'l.png', 'r.png', '--side-by-side', '-o', 'out'), 'expected LEFT and RIGHT'),
         (('replay', 'bag', '--side-by-side', '-o', 'out'), 'expected --left-topic with both'),
         (('detect', 'l.png', 'r.png', '-o', 'out', '--fx', '-4'), 'expected a number above 0'),
+        (
+            ('detect', 'l.png', 'r.png', '-o', 'out', '--fov', '60'),
+            'detect: error: unrecognized arguments: --fov 60: did you mean --hfov?',
+        ),
+        (
+            ('inspect', 'bag', '--zzz', '--lefttopic=a'),
+            'unrecognized arguments: --zzz --lefttopic=a: did you mean --left-topic?',
+        ),
+        (('inspect', 'bag', '--zzz'), 'unrecognized arguments: --zzz\n'),
     ],
 )
 def test_a_usage_error_exits_with_2_and_says_what_is_expected(arguments, complaint, capsys):
