@@ -17,7 +17,9 @@ setup(
     author_email='maintainers@rover-obstacle-detection.example',
     license='Apache-2.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={package_name: ['py.typed', '**/*.j2', '**/*.onnx', '**/*.xml', '**/*.yaml']},
+    package_data={
+        package_name: ['py.typed', '**/*.j2', '**/*.json', '**/*.onnx', '**/*.xml', '**/*.yaml']
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -50,6 +52,8 @@ setup(
         'fast': ['onnxruntime>=1.17,<1.29'],
         'sim': ['mitsuba>=3.6'],
         'report': ['jinja2>=3', 'matplotlib>=3.6'],
+        # Only to train the cascade; with older versions, AdaBoost is another algorithm.
+        'cascade': ['scikit-learn>=1.6'],
         'cluster': ['distributed>=2024.1'],
         'data': ['scikit-image>=0.22'],
         'fuzz': ['atheris>=3'],

@@ -13,6 +13,7 @@ from rover_obstacle_detection.evaluation.methods.ablation import (
     WHOLE,
     left_out_stage,
 )
+from rover_obstacle_detection.evaluation.methods.cascade import BoostedCascade
 from rover_obstacle_detection.evaluation.methods.depth_only import DepthOnly
 from rover_obstacle_detection.evaluation.methods.detector_method import DetectorMethod
 from rover_obstacle_detection.evaluation.methods.image_only import ImageOnly
@@ -28,6 +29,7 @@ METHODS: dict[str, Callable[[DetectorConfig], Method]] = {
     'listing': lambda config: Listing(),
     'wang': Wang,
     'image_only': lambda config: ImageOnly(),
+    'cascade': lambda config: BoostedCascade(),
     'depth_only': DepthOnly,
     'patchwork': Patchwork,
     'cloth': Cloth,
