@@ -1,9 +1,10 @@
-"""The short examples of docs/testing.md: one runs, the one that needs ROS 2 from apt compiles."""
+"""The short Python examples of the pages: they run; the one that needs ROS 2 from apt compiles."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
@@ -14,10 +15,29 @@ from rover_obstacle_detection.messages.image import decode_image
 ROOT = Path(__file__).parents[1]
 
 
+LENS = """\
+  intrinsics: [665.1, 665.1, 511.5, 383.5]
+  resolution: [1024, 768]
+  distortion_model: none
+  distortion_coeffs: []
+"""
+CAMCHAIN = f"""\
+cam0:
+{LENS}
+cam1:
+{LENS}
+  T_cn_cnm1: [[1, 0, 0, -0.06], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+"""
+
+
+def python_blocks(page: str) -> list[str]:
+    text = (ROOT / 'docs' / page).read_text(encoding='utf-8')
+    return re.findall(r'^```python\n(.*?)^```', text, re.MULTILINE | re.DOTALL)
+
+
 @pytest.fixture(scope='module')
 def blocks() -> list[str]:
-    page = (ROOT / 'docs' / 'testing.md').read_text(encoding='utf-8')
-    return re.findall(r'^```python\n(.*?)^```', page, re.MULTILINE | re.DOTALL)
+    return python_blocks('testing.md')
 
 
 def write_first_pair(folder: Path) -> None:
@@ -43,3 +63,16 @@ def test_example_without_ros_finds_the_rock(
 def test_example_with_launch_testing_compiles(blocks: list[str]) -> None:
     (example,) = (each for each in blocks if 'generate_test_description' in each)
     compile(example, 'docs/testing.md', 'exec')
+
+
+def test_example_with_a_calibration_file_saves_and_loads_a_detection(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_first_pair(tmp_path)
+    (tmp_path / 'camchain.yaml').write_text(CAMCHAIN)
+    monkeypatch.chdir(tmp_path)
+    (example,) = python_blocks('getting_started.md')
+    names: dict[str, Any] = {}
+    exec(example, names)
+    assert names['detection'].camera.baseline_m == pytest.approx(0.06)
+    assert (names['detection'].mask[185:245, 760:840] == 255).mean() > 0.8

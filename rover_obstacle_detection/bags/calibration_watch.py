@@ -106,7 +106,8 @@ class CalibrationWatch:
         rectification = None
         if not self._topics.is_rectified:
             rectification = StereoRectification(calibration)
-            if rectification.is_needed:
+            # Who gives a calibration without distortion says that the images have none.
+            if rectification.is_needed or self.info_topics:
                 images = f'{self._topics.left_image} and {self._topics.right_image}'
                 _logger.warning('%s', treatment(rectification, calibration, images))
         self._rectification = rectification

@@ -118,7 +118,8 @@ def _run(argv: Sequence[str] | None) -> int:
             return int(arguments.run(arguments))
     except argparse.ArgumentTypeError as error:
         # Arguments that are valid one by one but not together.
-        parser.error(str(error))
+        subparser: argparse.ArgumentParser = arguments.subparser
+        subparser.error(str(error))
 
 
 def missing_package(error: BaseException) -> str:

@@ -44,7 +44,7 @@ class Detector:
     Raises
     ------
     CameraError
-        If the images have fewer than 16 rows or columns.
+        If it is no camera, or the images have fewer than 16 rows or columns.
     ImageError
         If the rover mask has another size than the camera.
     """
@@ -57,6 +57,9 @@ class Detector:
         stages: HybridStages = HYBRID_STAGES,
         parameters: DetectorParameters | None = None,
     ) -> None:
+        if not isinstance(camera, StereoCamera):
+            msg = f'camera is {type(camera).__name__}: expected a StereoCamera'
+            raise CameraError(msg)
         if min(camera.shape) < MIN_SIDE_PX:
             msg = (
                 f'images are {camera.width} x {camera.height} pixels: expected at least '

@@ -71,6 +71,6 @@ def treatment(
             f'{images} are raw images: rectifying them with K, D, R and P of {calibration.source}'
         )
     return (
-        f'{images} are raw images, but {calibration.source} has no distortion or rotation: '
-        'they are used as they are'
+        f'{images} are raw images, but there is no distortion or rotation in '
+        f'{calibration.source}: they are used as they are'
     )

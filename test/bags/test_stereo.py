@@ -262,12 +262,24 @@ def test_raw_images_are_rectified_with_a_warning(tmp_path, caplog):
     assert (frames[1].left != pixels(1, 'left')).any()
 
 
-@pytest.mark.parametrize(
-    ('name', 'd'), [('image_rect', (-0.3, 0.1, 0.0, 0.0, 0.0)), ('image_raw', (0.0,) * 5)]
-)
-def test_rectified_or_undistorted_images_are_not_changed(tmp_path, caplog, name, d):
-    frames, _ = read(write(tmp_path, stereo_messages(1, name=name, d=d)))
+def test_rectified_images_are_not_changed(tmp_path, caplog):
+    frames, _ = read(write(tmp_path, stereo_messages(1, d=(-0.3, 0.1, 0.0, 0.0, 0.0))))
     np.testing.assert_array_equal(frames[0].left, pixels(0, 'left'))
+    assert caplog.messages == []
+
+
+def test_raw_images_without_distortion_are_not_changed_and_it_is_said(tmp_path, caplog):
+    path = write(tmp_path, stereo_messages(2, name='image_raw'))
+    with open_bag(path) as bag:
+        recorded = bag.calibration(bag.stereo_topics())
+    frames, _ = read(path)
+    np.testing.assert_array_equal(frames[0].left, pixels(0, 'left'))
+    assert caplog.messages == [
+        '/stereo/left/image_raw and /stereo/right/image_raw are raw images, but there is no '
+        f'distortion or rotation in {LEFT_INFO} and {RIGHT_INFO}: they are used as they are'
+    ]
+    caplog.clear()
+    read(path, calibration=recorded)
     assert caplog.messages == []
 
 

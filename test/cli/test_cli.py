@@ -126,7 +126,10 @@ def test_help_imports_nothing_slow():
             ('replay', 'bag', '-o', 'out', '--calibration', 'c', '--left-info', 'l'),
             '--calibration is given with --left-info',
         ),
-        (('detect', 'l.png', '-o', 'out'), 'expected LEFT and RIGHT, or one image and --side'),
+        (
+            ('detect', 'l.png', '-o', 'out'),
+            'detect: error: expected LEFT and RIGHT, or one image and --side',
+        ),
         (('detect', 'l.png', 'r.png', '--side-by-side', '-o', 'out'), 'expected LEFT and RIGHT'),
         (('replay', 'bag', '--side-by-side', '-o', 'out'), 'expected --left-topic with both'),
         (('detect', 'l.png', 'r.png', '-o', 'out', '--fx', '-4'), 'expected a number above 0'),

@@ -151,6 +151,14 @@ def test_what_is_said_of_raw_images_is_heeded_and_in_the_command(
     assert f'rectified {words}' in inspect(capsys, bag, '--rectify', rectify)
 
 
+def test_raw_images_that_nothing_rectifies_are_named(tmp_path, capsys):
+    bag = write_stereo_bag(tmp_path / 'drive', images=views(), name='image_raw')
+    assert (
+        'rectified raw by name: used as they are, as the calibration has no distortion or '
+        'rotation; rows off'
+    ) in inspect(capsys, bag)
+
+
 @pytest.mark.parametrize('name', ['image_rect', 'image_raw'])
 def test_the_command_replays_cameras_that_need_a_tolerance(tmp_path, capsys, monkeypatch, name):
     bag = write_stereo_bag(tmp_path / 'drive', images=views(), right_delay_ns=2_500_000, name=name)

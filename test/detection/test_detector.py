@@ -409,3 +409,8 @@ def test_repr_is_one_short_line(found):
 def test_what_is_no_array_is_named(image):
     with pytest.raises(ImageError, match=f'left image is {type(image).__name__}: expected an arr'):
         detector().detect(image, image)
+
+
+def test_what_is_no_camera_is_named():
+    with pytest.raises(CameraError, match='camera is NoneType: expected a StereoCamera'):
+        Detector(None)

@@ -311,7 +311,6 @@ def test_pictures_are_published_unchanged(name, draw):
     np.testing.assert_array_equal(decode_image(message, name), draw(detection()))
 
 
-@pytest.mark.filterwarnings('ignore:module .sre_:DeprecationWarning')
 @pytest.mark.parametrize('name', OUTPUTS)
 @pytest.mark.parametrize('empty', [False, True])
 def test_live_node_and_replay_make_the_same_bytes(name, empty):

@@ -214,8 +214,8 @@ def test_raw_images_without_distortion_are_used_as_they_are_and_it_is_said(
     _, rectify, treatment = calibration.calibrated
     assert rectify is None
     assert treatment == (
-        f'{RAW} are raw images, but /left/camera_info, /right/camera_info has no distortion or '
-        'rotation: they are used as they are'
+        f'{RAW} are raw images, but there is no distortion or rotation in /left/camera_info, '
+        '/right/camera_info: they are used as they are'
     )
 
 

@@ -113,7 +113,7 @@ def test_raw_images_are_rectified_as_camera_info_says_and_changes_take_effect(
 def test_raw_images_without_distortion_are_used_with_a_warning(rover: RawRover) -> None:
     rover.send_raw_infos(rover.infos())
 
-    rover.logged('has no distortion or rotation: they are used as they are')
+    rover.logged('but there is no distortion or rotation in')
     expected = Detector(CAMERA).detect(VIEW.left, VIEW.right).mask
     np.testing.assert_array_equal(rover.detect_raw(), expected)
 

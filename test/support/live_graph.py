@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import importlib
 import itertools
 import os
 import re
@@ -13,7 +12,6 @@ import sys
 import tempfile
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -383,10 +381,6 @@ def live_graph(folder: Path) -> Iterator[LiveGraph]:
     """Set up a graph of one test, and take it down with all its processes."""
     # Before the first participant of this process; later ones find it set.
     use_large_message_profile()
-    with warnings.catch_warnings():
-        # A parser that rclpy's message support imports uses a module that Python gives up.
-        warnings.simplefilter('ignore', DeprecationWarning)
-        importlib.import_module('rosidl_generator_py')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     with own_domain() as domain:
         graph = LiveGraph(domain, folder)

@@ -111,7 +111,7 @@ class Detection:
         unknown = 1 - np.count_nonzero(self.known) / self.known.size
         obstacles, warnings = int(self.obstacle_numbers.max()), len(self.warnings)
         return (
-            f'<{type(self).__name__} {self.camera.width} x {self.camera.height}, '
+            f'<Detection {self.camera.width} x {self.camera.height}, '
             f'{self.config.method}: {counted(obstacles, "obstacle")}, '
             f'{obstacle:.1%} obstacle, {unknown:.1%} unknown, {counted(warnings, "warning")}>'
         )

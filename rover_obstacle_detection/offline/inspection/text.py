@@ -208,8 +208,12 @@ def _rectified(camera: CameraInspection) -> str:
     rectify = camera.topics.rectify
     reason = 'by name' if rectify == BY_NAME else f'with --rectify {rectify}'
     text = f'{"yes" if camera.topics.is_rectified else "raw"} {reason}'
-    if camera.calibration.rectification and camera.calibration.rectification.is_needed:
-        text += ': replay rectifies them'
+    if rectification := camera.calibration.rectification:
+        text += (
+            ': replay rectifies them'
+            if rectification.is_needed
+            else ': used as they are, as the calibration has no distortion or rotation'
+        )
     usable = [each for each in camera.sample.geometry if not each.swapped]
     if not usable:
         return f'{text}; not measured'

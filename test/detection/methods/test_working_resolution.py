@@ -32,6 +32,7 @@ def test_near_ground_is_judged_at_a_quarter_of_the_pixels():
     assert found().judged.camera == SCENE.camera.resized(640, 480)
     assert found().camera is SCENE.camera
     assert type(found(1.0)) is not EnlargedDetection
+    assert repr(found()).startswith('<Detection 1280 x 960, ')
 
 
 def test_mask_agrees_with_the_truth_and_with_that_of_all_pixels():
