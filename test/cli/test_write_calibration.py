@@ -52,9 +52,17 @@ def run(bag, folder, *options, status=0):
     assert main(['inspect', str(bag), '--write-calibration', str(folder), *options]) == status
 
 
-@pytest.mark.parametrize('fault', [(1.4, 0.0), (-0.8, 0.5), (0.0, -0.6), (7.0, 0.2)])
-@pytest.mark.parametrize('name', ['image_raw', 'image_rect'])
-def test_rows_agree_with_the_corrected_calibration(tmp_path, capsys, fault, name):
+@pytest.mark.parametrize(
+    ('name', 'fault'),
+    [
+        ('image_raw', (1.4, 0.0)),
+        ('image_raw', (0.0, -0.6)),
+        ('image_raw', (7.0, 0.2)),
+        ('image_rect', (-0.8, 0.5)),
+        ('image_rect', (7.0, 0.2)),
+    ],
+)
+def test_rows_agree_with_the_corrected_calibration(tmp_path, capsys, name, fault):
     bag = write(tmp_path, [fault] * 3, name)
     folder = tmp_path / 'corrected'
     run(bag, folder, '--json')

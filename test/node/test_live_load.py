@@ -13,22 +13,19 @@ import synthetic
 from live_graph import live_graph, write_stereo_bag
 from live_load import idle_cpu_share, overload, steady
 
-FULL = synthetic.render(
-    synthetic.mast(1024, 768, solids=(synthetic.Box(0.0, 1.0, 0.3, 0.3, 0.25),))
-)
-MIDDLE = synthetic.render(synthetic.mast(640, 480))
-SMALL = synthetic.render(synthetic.mast())
+FULL = synthetic.mast(1024, 768, solids=(synthetic.Box(0.0, 1.0, 0.3, 0.3, 0.25),))
+MIDDLE, SMALL = synthetic.mast(640, 480), synthetic.mast()
 SECOND = 1_000_000_000
 
 
 def test_idle_node_takes_less_than_3_percent_of_a_core(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
-        assert idle_cpu_share(graph, FULL, rate_hz=10.0, seconds=4.0) < 0.03
+        assert idle_cpu_share(graph, synthetic.render(FULL), rate_hz=10.0, seconds=4.0) < 0.03
 
 
 def test_overloaded_node_detects_the_newest_pair_and_counts_the_others(tmp_path: Path) -> None:
     with live_graph(tmp_path) as graph:
-        figures = overload(graph, MIDDLE, rate_hz=60.0, seconds=4.0)
+        figures = overload(graph, synthetic.render(MIDDLE), rate_hz=60.0, seconds=4.0)
 
     assert len(figures.staleness_s) >= 2
     assert np.median(figures.staleness_s) < 2 * figures.frame_s
@@ -41,7 +38,7 @@ def test_overloaded_node_detects_the_newest_pair_and_counts_the_others(tmp_path:
 
 def test_no_large_pair_is_lost_at_5_hz(tmp_path: Path) -> None:
     frames = 20
-    write_stereo_bag(tmp_path / 'bag', FULL, stamps_ns(frames, rate_hz=5))
+    write_stereo_bag(tmp_path / 'bag', synthetic.render(FULL), stamps_ns(frames, rate_hz=5))
 
     with live_graph(tmp_path) as graph:
         figures = steady(graph, tmp_path / 'bag', frames, settled_after=10)
@@ -54,7 +51,7 @@ def test_no_large_pair_is_lost_at_5_hz(tmp_path: Path) -> None:
 
 def test_memory_is_constant_after_50_pairs(tmp_path: Path) -> None:
     frames = 100
-    write_stereo_bag(tmp_path / 'bag', SMALL, stamps_ns(frames, rate_hz=20))
+    write_stereo_bag(tmp_path / 'bag', synthetic.render(SMALL), stamps_ns(frames, rate_hz=20))
 
     with live_graph(tmp_path) as graph:
         figures = steady(graph, tmp_path / 'bag', frames, settled_after=50)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,11 +18,16 @@ def scripts(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / 'scripts'))
 
 
+@cache
+def suite_scenes(suite):
+    return load_suite(suite)
+
+
 @pytest.mark.parametrize(('suite', 'prefix'), [('drawn', 'drawn'), ('training', 'train')])
 def test_script_reproduces_the_suites(suite, prefix):
     from draw_scenes import random_scene
 
-    scenes = [scene for scene in load_suite(suite) if scene.seed >= 2000]
+    scenes = [scene for scene in suite_scenes(suite) if scene.seed >= 2000]
     assert len(scenes) > 20
     for scene in scenes[::5]:
         assert scene == scene_of(**random_scene(scene.seed, prefix))
@@ -30,7 +36,7 @@ def test_script_reproduces_the_suites(suite, prefix):
 def test_script_reproduces_the_wide_suite():
     from draw_scenes import LANDFORM_WEIGHTS, random_wide_scene
 
-    scenes = load_suite('training_wide')
+    scenes = suite_scenes('training_wide')
     assert len(scenes) == 120
     for scene in scenes[::5]:
         assert scene == scene_of(**random_wide_scene(scene.seed, 'wide'))
@@ -42,14 +48,14 @@ def test_training_tuning_and_reporting_suites_share_no_seed():
     seeds = [
         scene.seed
         for suite in ('training', 'training_wide', 'standard', 'drawn', 'hazards')
-        for scene in load_suite(suite)
+        for scene in suite_scenes(suite)
     ]
     assert len(seeds) > 550
     assert len(seeds) == len(set(seeds))
 
 
 def test_drawn_rigs_differ_from_the_named_rigs():
-    for scene in load_suite('drawn'):
+    for scene in suite_scenes('drawn'):
         rig, named = scene.rig_used(), RIGS[scene.rig]
         assert rig.baseline_m != named.baseline_m
         assert rig.horizontal_view_deg != named.horizontal_view_deg

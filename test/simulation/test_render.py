@@ -67,18 +67,19 @@ class View:
 
 @pytest.fixture(scope='module')
 def nominal():
-    return View(scene_of('nominal', 3, ['noon'], 'study', {'width': 320}))
+    parameters = {'width': 240, 'sensor': {'samples': 16}}
+    return View(scene_of('nominal', 3, ['noon'], 'study', parameters))
 
 
 @pytest.fixture(scope='module')
 def crater():
-    scene = scene_of('crater', 5, ['crater'], 'study', {'width': 320, 'sensor': {'samples': 4}})
+    scene = scene_of('crater', 5, ['crater'], 'study', {'width': 240, 'sensor': {'samples': 4}})
     return next(render(scene))
 
 
 @pytest.mark.parametrize('rig', ['study', 'hazcam'])
 def test_true_depth_reprojects_onto_the_same_surface(rig, nominal):
-    view = nominal if rig == 'study' else View(scene_of('x', 4, ['noon'], rig, {'width': 256}))
+    view = nominal if rig == 'study' else View(scene_of('x', 4, ['noon'], rig, {'width': 128}))
     error_px, visible = view.reprojected()
     assert visible.sum() > 0.85 * np.isfinite(view.hits.depth_m).sum()
     assert error_px[visible].mean() < 0.01
@@ -97,7 +98,7 @@ def test_images_agree_with_true_depth(nominal):
     slope_y, slope_x = np.gradient((first + second) / 2)
     design = np.column_stack([slope_x[ground], slope_y[ground]])
     shift_px, *_ = np.linalg.lstsq(design, (first - second)[ground], rcond=None)
-    assert ground.sum() > 30_000
+    assert ground.sum() > 15_000
     assert np.corrcoef(first[ground], second[ground])[0, 1] > 0.99
     assert np.abs(shift_px).max() < 0.02
 
@@ -169,8 +170,8 @@ def test_labels_agree_with_depth_and_instances(crater):
     low = ground & ~steep & (drop_m > 0.10)
     assert overlap(steep, ground & (crater.labels == SLOPE)) > 0.9
     assert overlap(low, ground & (crater.labels == DROP)) > 0.85
-    assert (crater.labels == SLOPE).sum() > 5000
-    assert (crater.labels == DROP).sum() > 1000
+    assert (crater.labels == SLOPE).sum() > 2500
+    assert (crater.labels == DROP).sum() > 500
     checked = 0
     height, width = crater.labels.shape
     for number in np.unique(crater.instances)[1:]:
@@ -178,7 +179,7 @@ def test_labels_agree_with_depth_and_instances(crater):
         rows, columns = np.nonzero(pixels)
         inside = rows.min() > 0 and columns.min() > 0
         inside &= rows.max() < height - 1 and columns.max() < width - 1
-        if pixels.sum() < 60 or not inside:
+        if pixels.sum() < 40 or not inside:
             continue
         checked += 1
         top_m = above_m[pixels].max()
@@ -187,7 +188,7 @@ def test_labels_agree_with_depth_and_instances(crater):
             assert top_m > 0.10
         else:
             assert top_m < 0.14
-    assert checked > 8
+    assert checked > 5
 
 
 def test_each_rock_has_one_label(crater):
@@ -320,24 +321,24 @@ def messages(path):
 
 
 def test_equal_seeds_give_equal_bags_and_rocks_persist_during_a_drive(tmp_path):
-    def bag(name, seed):
+    def bag(name, seed, frames=2):
         parameters = {
             'width': 96,
             'sensor': {'samples': 4},
-            'drive': {'frames': 2, 'step_m': 0.1, 'turn_deg': 3.0},
+            'drive': {'frames': frames, 'step_m': 0.1, 'turn_deg': 3.0},
         }
         path = tmp_path / name / 'scene'
         render_bag(scene_of('scene', seed, ['dunes'], 'vga', parameters), path)
         return messages(path)
 
-    first, again, other = bag('a', 1), bag('b', 1), bag('c', 2)
+    first, again, other = bag('a', 1), bag('b', 1), bag('c', 2, frames=1)
     assert first == again
-    assert [each[:2] for each in other] == [each[:2] for each in first]
+    assert {each[:2] for each in other} == {each[:2] for each in first if each[1] == first[0][1]}
     left_images = [
         {data for topic, _, data in each if topic == '/stereo/left/image_rect'}
         for each in (first, other)
     ]
-    assert len(left_images[0]) == 2
+    assert [len(each) for each in left_images] == [2, 1]
     assert not left_images[0] & left_images[1]
     seen = [set(np.frombuffer(data, np.uint16)) for topic, _, data in first if 'inst' in topic]
     assert len(seen[0] & seen[1]) > 0.5 * len(seen[0])

@@ -55,19 +55,27 @@ class PosedCamera:
         """Disparity of each pixel and the x, y that it shows; 0 where it shows no ground."""
         x_over_z, y_over_z = self.camera.rays()
         rays = np.stack(np.broadcast_arrays(x_over_z, y_over_z, np.float32(1)), axis=-1)
-        x_step, y_step, z_step = np.moveaxis(rays @ self.axes.T, -1, 0)
-        nearest, over = np.zeros(self.camera.shape), np.full(self.camera.shape, self.height_m)
-        depth = np.zeros(self.camera.shape)
-        for farther in np.geomspace(0.1, 40.0, 500):
+        steps = np.moveaxis(rays @ self.axes.T, -1, 0)
+        depth = np.zeros(steps[0].size)
+        pixels, (x_step, y_step, z_step) = np.arange(depth.size), steps.reshape(3, -1)
+        # Height over the ground; 0 once landed.
+        nearest, over = 0.0, np.full(depth.size, self.height_m)
+        for number, farther in enumerate(np.geomspace(0.1, 40.0, 500)):
             z = self.height_m + farther * z_step - height(farther * x_step, farther * y_step)
-            landed = (depth == 0) & (z <= 0)
-            share = over / np.where(landed, over - z, 1)
-            depth[landed] = (nearest + share * (farther - nearest))[landed]
-            nearest, over = np.full_like(nearest, farther), z
+            landed = np.flatnonzero((z <= 0) & (over > 0))
+            share = over[landed] / (over[landed] - z[landed])
+            depth[pixels[landed]] = nearest + share * (farther - nearest)
+            nearest, over = farther, np.where(over > 0, np.maximum(z, 0), 0)
+            if number % 20 == 0:
+                # Only the rays that have not landed go on.
+                pixels, x_step, y_step, z_step, over = (
+                    each[over > 0] for each in (pixels, x_step, y_step, z_step, over)
+                )
+        depth = depth.reshape(self.camera.shape)
         seen = depth > 0
         disparity = np.zeros(self.camera.shape, np.float32)
         disparity[seen] = self.camera.disparity_at(1.0) / depth[seen]
-        return disparity, depth * x_step, depth * y_step
+        return disparity, depth * steps[0], depth * steps[1]
 
     def stereo(self, disparity: np.ndarray, noise_px=0.05, ground=None) -> Stereo:
         """Make a disparity the result of matching, by default over z = 0. The images are black."""

@@ -37,12 +37,12 @@ def tune(*arguments: object) -> int:
 @needs_tune
 def test_tuning_small_bags_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, figures = tmp_path / 'tuned.yaml', tmp_path / 'tuned.json'
-    arguments = (*SMALL_BAGS, '--trials', 3, '--set', 'max_step=0.12', '--json', figures)
+    arguments = (*SMALL_BAGS, '--trials', 2, '--set', 'max_step=0.12', '--json', figures)
     assert tune(*arguments, '-o', file) == 0
     shown = capsys.readouterr()
     content = json.loads(figures.read_text(encoding='utf-8'))
     assert content['format'] == 'rover_obstacle_detection tune'
-    assert len(content['trials']) == 3
+    assert len(content['trials']) == 2
     assert content['parameters_before']['max_step'] == 0.12
     assert content['tuned_on']['tuned']['scenes'] == 2
     assert content['held_out']['tuned']['scenes'] == 1
