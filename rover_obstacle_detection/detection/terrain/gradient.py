@@ -45,13 +45,14 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
     share their noise. The narrowest scale at which the rise is known well enough counts, with a
     smooth transition to the next. No scale is narrower than a cell.
     """
+    first = math.tan(math.radians(parameters.narrowest_rise_noise_deg))
     tolerated = math.tan(math.radians(parameters.tolerated_rise_noise_deg))
     cell_m = layer.positions.cell_m
     trust = layer.information * layer.is_ground
     scales = sorted({max(scale_m / cell_m, 1.0) for scale_m in parameters.rise_scales_m})
     narrow = _rise_at(layer.mean_m, trust, scales[0], cell_m, parameters)
     right, forward, noise = narrow.right, narrow.forward, narrow.noise
-    share = np.clip(noise / tolerated - 1, 0, 1)
+    share = np.clip(noise / first - 1, 0, 1)
     for scale in scales[1:]:
         if not (share[layer.seen] > 0).any():
             break

@@ -248,9 +248,14 @@ class TerrainParameters:
         Pixels that share their noise: a mean over n has that of n / `shared_pixels` independent
         ones. About the 81 pixels of the narrowest refinement window.
     rise_scales_m : tuple of float
-        Standard deviations at which the rise is measured: a wheel, up to a wheel base.
+        Standard deviations at which the rise is measured: half a wheel, so that a ledge little
+        higher than a step is still steeper than most rovers climb, up to a wheel base. Chosen on
+        ray-cast ledges and the suites `hazards` and `standard`.
     tolerated_rise_noise_deg : float
         Noise of the rise at which the next wider scale takes over.
+    narrowest_rise_noise_deg : float
+        The same at the narrowest scale. Less, since errors of matching are as wide. Chosen on
+        noisy tuning scenes.
     max_rise_noise_deg : float
         Rises with more noise are ignored.
     lost_slope_deg : float
@@ -333,8 +338,9 @@ class TerrainParameters:
     reach_sigmas: float = 3.5
     min_lever_share: float = 0.3
     shared_pixels: float = 100.0
-    rise_scales_m: tuple[float, ...] = (0.14, 0.2, 0.3, 0.5)
+    rise_scales_m: tuple[float, ...] = (0.1, 0.14, 0.25, 0.5)
     tolerated_rise_noise_deg: float = 3.0
+    narrowest_rise_noise_deg: float = 2.0
     max_rise_noise_deg: float = 20.0
     lost_slope_deg: float = 2.5
     max_lost_share: float = 0.125

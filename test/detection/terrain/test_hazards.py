@@ -107,7 +107,7 @@ def test_flat_ground_is_possibly_neither():
     assert not dropped.possible[y < 5].any()
 
 
-@pytest.mark.parametrize(('angle', 'possible'), [(12, 0), (19, 1)])
+@pytest.mark.parametrize(('angle', 'possible'), [(12, 0), (18, 1)])
 def test_slope_just_below_the_limit_is_possible(angle, possible):
     steep, _, _, y = judged(bank(angle, 2.0))
     assert not steep.found.any()
