@@ -39,6 +39,7 @@ from rover_obstacle_detection.errors import NothingDoneError
 if TYPE_CHECKING:
     from rover_obstacle_detection.offline.replay_jobs import ReplayJob
     from rover_obstacle_detection.offline.replay_options import ReplayOptions
+    from rover_obstacle_detection.offline.summary import ReplaySummary
 
 USAGE = 'rover-obstacles replay BAG [BAG ...] -o DIR [options]'
 DESCRIPTION = """\
@@ -218,6 +219,8 @@ def run(arguments: argparse.Namespace) -> int:
         console.print(replay_table([summaries[index] for index in sorted(summaries)]))
         for index in sorted(summaries):
             _print_paths(jobs[index].output, options)
+        if options.report and len(jobs) > 1:
+            _write_combined_report([(jobs[each], summaries[each]) for each in sorted(summaries)])
     for index, summary in sorted(summaries.items()):
         if summary.interrupted:
             kept = f'{len(summary.frames)} of about {summary.expected} pairs of {summary.bag}'
@@ -226,6 +229,16 @@ def run(arguments: argparse.Namespace) -> int:
     if stopped():
         return stopped.status
     return 0 if len(summaries) == len(jobs) else 1
+
+
+def _write_combined_report(replays: Sequence[tuple[ReplayJob, ReplaySummary]]) -> None:
+    from rover_obstacle_detection.offline.combined_report import combined_html
+    from rover_obstacle_detection.offline.output_file import atomic_write_text
+
+    path = replays[0][0].output.parent / 'report.html'
+    summaries = [summary for _, summary in replays]
+    atomic_write_text(path, combined_html([job.output.name for job, _ in replays], summaries))
+    print(f'report of all: {path}')
 
 
 def _names(jobs: Sequence[ReplayJob]) -> list[str]:

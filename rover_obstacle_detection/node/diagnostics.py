@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.rectification.correction import RECALIBRATE_PX
 from rover_obstacle_detection.node.calibration import RECTIFIED
 from rover_obstacle_detection.node.connections import NOTHING_SEEN, Connections
 from rover_obstacle_detection.node.load import WINDOW_S, Load
@@ -18,7 +19,6 @@ OK, WARN, ERROR, STALE = range(4)
 # With a smaller share of matched pixels, most of the ground is unknown.
 MIN_VALID_SHARE = 0.3
 # A larger residual rectification error costs accuracy although it is corrected.
-RECALIBRATE_PX = 1.0
 # Of the images or pairs of the last 10 s; fewer than this many tell nothing.
 MAX_LOST_SHARE = 0.1
 MAX_DROPPED_SHARE = 0.5

@@ -74,7 +74,7 @@ def replay_html(summary: ReplaySummary, gallery: Gallery, command_line: str) -> 
     html = render_page(
         page,
         TEMPLATE,
-        timeline=_timeline(summary),
+        timeline=timeline(summary),
         frames=shown,
         embedded=_embedded(len(shown), len(frames)),
         worst=[
@@ -143,7 +143,8 @@ def _figures_text(frame: ReplayFrame, summary: ReplaySummary) -> str:
     )
 
 
-def _timeline(summary: ReplaySummary) -> PictureBlock:
+def timeline(summary: ReplaySummary) -> PictureBlock:
+    """Plot the figures of all frames over time."""
     frames = sorted(summary.frames, key=lambda frame: frame.stamp_ns)
     times = [_seconds(frame.stamp_ns, summary) for frame in frames]
     reach_s = _REACH * max(times[-1] - times[0], 1.0)

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import PurePath
+from statistics import median
 from typing import NamedTuple
 
 from rich.console import Group, RenderableType
@@ -13,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from rover_obstacle_detection.detection.rectification.correction import RECALIBRATE_PX
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.offline.stopwatch import StageTime
 from rover_obstacle_detection.offline.summary import ReplaySummary
@@ -155,6 +157,16 @@ def _time(name: str, time: StageTime) -> _Row:
 
 def _remarks(summary: ReplaySummary) -> Iterable[Text]:
     yield from (Text(note) for note in summary.notes)
+    rows_px, lens_px = (
+        median(getattr(each.summary, name) for each in summary.frames)
+        for name in ('rows_off_px', 'lens_bend_px')
+    )
+    if max(rows_px, lens_px) >= RECALIBRATE_PX:
+        yield Text(
+            f'residual rectification error: rows off by {rows_px:.1f} px, lens distortion '
+            f'{lens_px:.1f} px (medians). It is corrected, but costs accuracy: recalibrate, or '
+            'correct the calibration with rover-obstacles inspect --write-calibration'
+        )
     for bad in summary.bad_frames[:_LISTED_BAD_FRAMES]:
         yield Text(f'bad frame at {bad.stamp_ns / 1e9:.3f} s: {bad.reason}')
     more = len(summary.bad_frames) - _LISTED_BAD_FRAMES

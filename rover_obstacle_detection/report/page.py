@@ -13,12 +13,23 @@ from rover_obstacle_detection.report.extra import report_library
 
 @dataclass(frozen=True)
 class TableBlock:
-    """A table; the first column is left-aligned, the others right."""
+    """A table; the first column is left-aligned, the others right.
+
+    Parameters
+    ----------
+    caption : str
+    header : sequence of str
+    rows : sequence of sequence of str
+    kind : str
+    links : sequence of str
+        Where the first cell of each row leads; none by default.
+    """
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     kind: str = 'table'
+    links: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 import cv2
@@ -244,3 +245,25 @@ def test_a_frame_that_cannot_be_drawn_is_not_kept() -> None:
     assert gallery.worst('most unknown') == []
     gallery.offer(frame(1), tuple)
     assert list(gallery.pictures) == [1]
+
+
+def test_the_combined_report_leads_to_that_of_each_recording(tmp_path, capsys) -> None:
+    bags = [tmp_path / 'b 1', tmp_path / EVIL.replace('/', '')]
+    for number, bag in enumerate(bags, start=1):
+        write_stereo_bag(bag, number)
+    output = tmp_path / 'out'
+    assert main(['replay', *map(str, bags), '--report', '-o', str(output)]) == 0
+    assert f'report of all: {output / "report.html"}' in capsys.readouterr().out
+    page = Parsed((output / 'report.html').read_text())
+    links = [each['href'] for each in page.all('a')]
+    assert [(output / unquote(link)).is_file() for link in links] == [True, True]
+    assert 'Replay of 2 recordings 3 frames judged, 0 bad frames skipped.' in page.text
+    assert 'b 1 1 0 0 ' in page.text
+    assert not page.all('script')
+    assert len(page.all('img')) == 2
+
+
+def test_a_single_recording_has_no_combined_report(tmp_path) -> None:
+    write_stereo_bag(tmp_path / 'b', 1)
+    assert main(['replay', str(tmp_path / 'b'), '--report', '-o', str(tmp_path / 'out')]) == 0
+    assert [path.name for path in (tmp_path / 'out').rglob('report.html')] == ['report.html']

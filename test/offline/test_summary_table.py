@@ -77,3 +77,16 @@ def test_each_row_has_its_name_on_one_line(count: int) -> None:
     for name in ('of these unjudgeable', 'coarse disparity, ms per frame', 'obstacles per frame'):
         assert f' {name} ' in text
     assert text.count('12000') >= 2 * count
+
+
+@pytest.mark.parametrize(
+    ('rows_px', 'lens_px', 'is_told'), [(2.9, 0.1, True), (0.2, 1.0, True), (0.9, 0.9, False)]
+)
+def test_a_rectification_error_is_told_with_what_to_do(rows_px, lens_px, is_told) -> None:
+    figures = replace(FIGURES, rows_off_px=rows_px, lens_bend_px=lens_px)
+    outlier = replace(FIGURES, rows_off_px=40.0)
+    frames = [ReplayFrame(1, 0, each, STAGES) for each in (figures, figures, outlier)]
+    words = ' '.join(printed(replace(SUMMARY, frames=tuple(frames))).split())
+    told = f'rows off by {rows_px:.1f} px, lens distortion {lens_px:.1f} px (medians)'
+    assert (told in words) == is_told
+    assert ('rover-obstacles inspect --write-calibration' in words) == is_told

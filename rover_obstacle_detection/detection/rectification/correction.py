@@ -18,6 +18,9 @@ from rover_obstacle_detection.detection.rectification.lens_distortion import (
 from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
 
+RECALIBRATE_PX = 1.0
+"""Rows off, or lens distortion, from which users are told to calibrate again."""
+
 
 @dataclass(frozen=True, eq=False)
 class Remapping:

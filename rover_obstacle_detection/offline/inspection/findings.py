@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rover_obstacle_detection.detection.rectification.correction import RECALIBRATE_PX
 from rover_obstacle_detection.offline.inspection.calibration import Calibration
 from rover_obstacle_detection.offline.inspection.sample import Sample
 from rover_obstacle_detection.offline.inspection.streams import Stream, Synchronisation
@@ -16,7 +17,6 @@ _MAX_GREY_RATIO = 1.3
 _MAX_SHARPNESS_RATIO = 2.0
 _MAX_SATURATED_SHARE = 0.02
 _DARK_GREY = 15
-_DOUBTFUL_PX = 1.0
 
 
 def what_is_missing(
@@ -105,7 +105,7 @@ def _doubtful_geometry(calibration: Calibration, sample: Sample) -> list[str]:
         ('the right image is off by rows', [each.rows_off_px for each in usable]),
         ('the lenses are distorted after rectification', [each.lens_bend_px for each in usable]),
     ):
-        if values and np.median(values) >= _DOUBTFUL_PX:
+        if values and np.median(values) >= RECALIBRATE_PX:
             warnings.append(f'{name}: median {np.median(values):.1f} px: recalibrate')
     return warnings
 
