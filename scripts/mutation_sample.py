@@ -1,9 +1,11 @@
 """Change the detection code at random and see whether its tests notice.
 
     python scripts/mutation_sample.py --count 60
+    python scripts/mutation_sample.py --count 60 --wider
 
 Draws mutants from modules with a test file of the same name and runs only this file on each, in a
-copy of the working tree: `test/detection/x/test_y.py` for `detection/x/y.py`. Prints the share of
+copy of the working tree: `test/detection/x/test_y.py` for `detection/x/y.py`. With `--wider`,
+survivors then face all tests of the detector, which takes minutes for each. Prints the share of
 mutants that the tests find, and the survivors as diffs. A survivor is a missing test, or a change
 that makes no difference.
 """
@@ -26,11 +28,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path('rover_obstacle_detection')
-COPIED = ('rover_obstacle_detection', 'test', 'scripts', 'config', 'bags', 'pyproject.toml')
+COPIED = (
+    'rover_obstacle_detection', 'test', 'scripts', 'config', 'docs', 'bags', 'pyproject.toml',
+)  # fmt: skip
 # Its numbers are compared with config/obstacle_detector.yaml by test/test_config_files.py.
 DECLARATIONS = PACKAGE / 'detection' / 'config.py'
-# A mutant can loop for ever; this is far more than any of the test files needs.
-TIMEOUT_S = 300.0
+DETECTOR_TESTS = Path('test') / 'detection'
+# A mutant can loop for ever; this is far more than any of the test files, or all, need.
+TIMEOUT_S, WIDER_TIMEOUT_S = 300.0, 3000.0
 SWAPPED = {
     '<': '<=', '<=': '<', '>': '>=', '>=': '>', '==': '!=', '!=': '==', '+': '-', '-': '+',
     'and': 'or', 'or': 'and', 'is': 'is not', 'is not': 'is', 'in': 'not in', 'not in': 'in',
@@ -67,25 +72,27 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--count', type=int, default=60, help='number of mutants')
     parser.add_argument('--seed', type=int, default=1, help='of the random choice')
+    parser.add_argument(
+        '--wider', action='store_true', help='give survivors to all tests of the detector'
+    )
     arguments = parser.parse_args()
     mutants = list(all_mutants(ROOT))
     sample = random.Random(arguments.seed).sample(mutants, arguments.count)
     print(f'{len(sample)} of {len(mutants)} mutants, seed {arguments.seed}', flush=True)
-    survivors = []
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         copy_tree(ROOT, copy)
-        for test in sorted({each.test for each in sample}):
-            if not passes(copy, test):
-                print(f'{test} fails without a mutant', file=sys.stderr)
+        wider = [DETECTOR_TESTS] if arguments.wider else []
+        for tests in sorted({each.test for each in sample}) + wider:
+            if not passes(copy, tests, WIDER_TIMEOUT_S):
+                print(f'{tests} fails without a mutant', file=sys.stderr)
                 return 1
-        for mutant in sorted(sample, key=lambda each: (each.module, each.start)):
-            survived = survives(mutant, copy)
-            print(f'{"SURVIVED" if survived else "killed"} {describe(mutant, copy)}', flush=True)
-            if survived:
-                survivors.append(mutant)
-        killed = len(sample) - len(survivors)
-        print(f'\n{killed} of {len(sample)} killed ({killed / len(sample):.0%})')
+        survivors = sorted(sample, key=lambda each: (each.module, each.start))
+        for folder_of_all in (None, *wider):
+            survivors = [mutant for mutant in survivors if judged(mutant, copy, folder_of_all)]
+            killed = len(sample) - len(survivors)
+            by = f'it or {folder_of_all}' if folder_of_all else 'the test file of the same name'
+            print(f'\n{killed} of {len(sample)} killed ({killed / len(sample):.0%}) by {by}\n')
         for mutant in survivors:
             print(diff(mutant, copy))
     return 0
@@ -181,26 +188,35 @@ def copy_tree(root: Path, folder: Path) -> None:
             shutil.copy(source, folder / name)
 
 
-def passes(folder: Path, test: Path) -> bool:
-    """Run one test file in the copy."""
+def passes(folder: Path, tests: Path, timeout_s: float = TIMEOUT_S) -> bool:
+    """Run a test file or folder in the copy."""
     environment = os.environ | {'PYTHONPATH': str(folder), 'PYTHONDONTWRITEBYTECODE': '1'}
-    command = [sys.executable, '-m', 'pytest', '-x', '-q', '-p', 'no:cacheprovider', str(test)]
+    command = [sys.executable, '-m', 'pytest', '-x', '-q', '-p', 'no:cacheprovider', str(tests)]
     try:
         run = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, timeout=TIMEOUT_S
+            command, cwd=folder, env=environment, capture_output=True, timeout=timeout_s
         )
     except subprocess.TimeoutExpired:
         return False
     return run.returncode == 0
 
 
-def survives(mutant: Mutant, folder: Path) -> bool:
-    """Whether the tests pass with the mutant."""
+def judged(mutant: Mutant, folder: Path, tests: Path | None) -> bool:
+    """Print and return whether a mutant survives."""
+    survived = survives(mutant, folder, tests)
+    print(f'{"SURVIVED" if survived else "killed"} {describe(mutant, folder)}', flush=True)
+    return survived
+
+
+def survives(mutant: Mutant, folder: Path, tests: Path | None = None) -> bool:
+    """Whether the tests pass with the mutant, by default those of its own file."""
     path = folder / mutant.module
     source = path.read_text(encoding='utf-8')
     path.write_text(mutant.apply(source), encoding='utf-8')
     try:
-        return passes(folder, mutant.test)
+        if tests is None:
+            return passes(folder, mutant.test)
+        return passes(folder, tests, WIDER_TIMEOUT_S)
     finally:
         path.write_text(source, encoding='utf-8')
 

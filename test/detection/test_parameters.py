@@ -117,6 +117,10 @@ def test_defaults_of_all_stages_are_those_of_the_configuration():
             assert each == type(each)(), stage
 
 
+def test_half_a_step_is_what_the_ground_may_be_off_its_plane():
+    assert parameters(max_step=0.3).plane_fit.tolerance_m == pytest.approx(0.15)
+
+
 def test_zero_disparity_range_of_the_study_is_its_own():
     assert parameters(disparity_range=0).study.disparities == 48
     assert parameters(disparity_range=64).study.disparities == 64

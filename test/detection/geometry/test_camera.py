@@ -88,7 +88,8 @@ def test_binning_divides_size_and_calibration():
 
 
 def test_binning_of_zero_means_no_binning():
-    assert StereoCamera.from_camera_info(*pair(binning_x=0, binning_y=0)).width == 640
+    found = StereoCamera.from_camera_info(*pair(binning_x=0, binning_y=0))
+    assert found == StereoCamera.from_camera_info(*pair())
 
 
 def test_region_of_interest_moves_the_principal_point():
@@ -197,6 +198,57 @@ def test_numbers_that_are_not_finite_are_rejected(field, value):
 def test_numbers_of_no_real_camera_are_rejected(changes, said):
     with pytest.raises(CameraError, match=said):
         camera(**changes)
+
+
+@pytest.mark.parametrize(
+    ('accepted', 'refused'),
+    [
+        ({'baseline_m': 0.001}, {'baseline_m': 0.00099}),
+        ({'baseline_m': 5.0}, {'baseline_m': 5.01}),
+        (
+            {'width': 16384, 'cx': 8191.5, 'fx': 8192.0},
+            {'width': 16385, 'cx': 8192.0, 'fx': 8192.0},
+        ),
+        ({'cx_right': -0.5}, {'cx_right': -0.6}),
+        ({'cx_right': 639.5}, {'cx_right': 639.6}),
+        ({'fy': 240 / math.tan(math.radians(84.9))}, {'fy': 240 / math.tan(math.radians(85.1))}),
+        ({'fx': 320 / math.tan(math.radians(0.26))}, {'fx': 320 / math.tan(math.radians(0.24))}),
+        (
+            {'cx': 319.5 - 400 * math.tan(math.radians(79.9)), 'cx_right': -1900.0},
+            {'cx': 319.5 - 400 * math.tan(math.radians(80.1)), 'cx_right': -1900.0},
+        ),
+        (
+            {'cy': 239.5 + 400 * math.tan(math.radians(79.9))},
+            {'cy': 239.5 + 400 * math.tan(math.radians(80.1))},
+        ),
+    ],
+)
+def test_limits_of_a_real_camera_belong_to_it(accepted, refused):
+    assert camera(**accepted)
+    with pytest.raises(CameraError):
+        camera(**refused)
+
+
+@pytest.mark.parametrize(
+    ('accepted', 'refused'),
+    [
+        ({'fx': 400.3}, {'fx': 400.5}),
+        ({'fy': 410.4}, {'fy': 410.5}),
+        ({'cy': 239.7}, {'cy': 239.8}),
+        ({'p7': 0.9e-3}, {'p7': 1.1e-3}),
+        ({'p1': 3.9e-4}, {'p1': 4.1e-4}),
+        ({'p11': -3.9e-4}, {'p11': -4.1e-4}),
+    ],
+)
+def test_small_differences_of_left_and_right_are_rounding(accepted, refused):
+    assert StereoCamera.from_camera_info(*pair(right=accepted))
+    refusal(*pair(right=refused))
+
+
+def test_camera_of_reversed_rows_has_its_centre_as_far_from_the_other_border():
+    upright = camera(cy=200.0, cx_right=300.0)
+    assert upright.mirrored() == camera(cy=279.0, cx_right=300.0)
+    assert upright.mirrored().mirrored() == upright
 
 
 def test_wide_telephoto_and_converging_cameras_are_accepted():

@@ -61,6 +61,26 @@ def test_slope_of_level_ground_is_zero_despite_rounding():
     assert GroundPlane(up, 1.0, up).slope_deg == pytest.approx(0, abs=1e-5)
 
 
+@pytest.mark.parametrize('pitch', [-90, -30, 0, 46, 90])
+def test_pitch_is_the_angle_of_the_axis_below_the_horizon(pitch):
+    # Rounding may make a unit vector a little longer.
+    up = np.array(Gravity.from_angles(pitch).up) * (1 + 1e-12)
+    assert GroundPlane((0.0, -1.0, 0.0), 1.0, tuple(up)).pitch_deg == pytest.approx(
+        pitch, abs=1e-4
+    )
+
+
+def test_plane_of_reversed_rows_has_its_normals_turned_over():
+    plane = GroundPlane((0.1, -0.9, -0.4), 1.5, (0.2, -0.8, 0.5), measured=False, residual=0.2)
+    assert plane.mirrored() == GroundPlane(
+        (0.1, 0.9, -0.4), 1.5, (0.2, 0.8, 0.5), measured=False, residual=0.2
+    )
+
+
+def test_in_space_the_plane_keeps_its_residual():
+    assert DisparityPlane(0.0, 0.1, 5.0, residual=0.3).in_space(CAMERA, None).residual == 0.3
+
+
 def test_up_vector_is_the_vertical_as_float32():
     vector = GroundPlane((0, -1, 0), 1.0, (0.0, -0.6, -0.8)).up_vector
     assert vector.dtype == np.float32

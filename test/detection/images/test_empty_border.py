@@ -56,6 +56,20 @@ def test_both_steps_of_a_slanting_border_are_empty():
     np.testing.assert_array_equal(found(grey), grey == 0)
 
 
+@pytest.mark.parametrize('line', [np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]])
+def test_a_line_of_one_pixel_at_any_edge_is_empty(line):
+    np.testing.assert_array_equal(empty_border(image(line), 7, 0), image(line) == 0)
+
+
+@pytest.mark.parametrize(('side_px', 'is_empty'), [(3, True), (2, False)])
+def test_a_corner_that_half_a_block_fills_is_empty(side_px, is_empty):
+    corner = image(np.s_[:side_px, :side_px])
+    border = empty_border(corner, 7, 0)
+    assert (border is not None) == is_empty
+    if border is not None:
+        np.testing.assert_array_equal(border, corner == 0)
+
+
 def test_pixels_within_reach_count():
     np.testing.assert_array_equal(found(image(np.s_[:2]), 3), image(np.s_[:5]) == 0)
 

@@ -6,6 +6,10 @@ from synthetic import Box, iou, mast, render
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.methods.study import match_as_study
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 
 BLOCK = (Box(0.0, 1.2, 0.3, 0.3, 0.3),)
 
@@ -30,6 +34,25 @@ def test_rock_is_found():
     found, view = detect(mast(solids=BLOCK))
     assert iou(found.mask, view.obstacle) > 0.25
     assert (found.mask[~view.obstacle] > 0).mean() < 0.04
+
+
+def test_heights_are_over_the_ground_plane():
+    found, view = detect(mast(solids=BLOCK))
+    top = np.abs(view.height_m - 0.3) < 1e-6
+    assert np.nanmedian(found.height[top]) == pytest.approx(0.3, abs=0.05)
+    assert np.nanmedian(found.height[~view.obstacle]) == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize(('max_range', 'is_matched'), [(10.0, True), (9.9, False)])
+def test_what_lies_just_at_the_range_is_matched(max_range, is_matched):
+    camera = StereoCamera(160, 120, 100.0, 100.0, 79.5, 59.5, 0.4)
+    assert camera.depth_m(4.0) == 10.0
+    texture = np.random.default_rng(0).integers(0, 255, (120, 164), np.uint8)
+    frame = Frame((texture[:, :160], texture[:, 4:]), camera)
+    p = DetectorParameters.from_config(DetectorConfig(method='study', max_range=max_range))
+    found = match_as_study(frame, p.stereo, p.study)
+    assert (found == 4.0).any() == is_matched
+    assert found[found > 0].min() >= 4.0
 
 
 def test_left_border_without_matches_is_as_wide_as_the_disparity_range():

@@ -101,13 +101,18 @@ def test_remapping_takes_the_nearest_pixel_of_the_straight_image():
 def test_pixels_that_the_straight_image_does_not_show_are_filled():
     barrel = LensDistortion(-0.1)
     remapping = Correction(lenses=Lenses(barrel)).to_left_image(CAMERA)
-    columns, _ = waves.straight_left(CAMERA, COLUMNS, ROWS, barrel)
+    columns, rows = waves.straight_left(CAMERA, COLUMNS, ROWS, barrel)
     expected = (columns >= -0.5) & (columns < CAMERA.width - 0.5)
+    expected &= (rows >= -0.5) & (rows < CAMERA.height - 0.5)
     assert 0.8 < expected[90].mean() < 0.98
+    assert 0.8 < expected[:, 120].mean() < 0.98
     np.testing.assert_array_equal(remapping.shown[90], expected[90])
+    np.testing.assert_array_equal(remapping.shown[:, 120], expected[:, 120])
     filled = remapping(COLUMNS, -1)
     np.testing.assert_array_equal(filled == -1, ~remapping.shown)
-    assert remapping(COLUMNS)[90, 0] == 0
+    # Without a fill, they have what the border shows.
+    assert (remapping(COLUMNS)[90, [0, -1]] == [0, CAMERA.width - 1]).all()
+    assert (remapping(ROWS)[[0, -1], 120] == [0, CAMERA.height - 1]).all()
     points = remapping(np.ones((*CAMERA.shape, 3), np.float32), np.nan)
     np.testing.assert_array_equal(np.isnan(points).all(axis=-1), ~remapping.shown)
 

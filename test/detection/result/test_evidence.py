@@ -110,6 +110,16 @@ def test_disparity_noise_is_measured_on_matches_only_also_below_a_pixel():
     assert seen_disparity_noise_px(with_holes, PARAMETERS) == pytest.approx(0.05, rel=0.05)
 
 
+def test_disparity_noise_is_measured_in_the_narrowest_image_that_shows_it():
+    spacing = PARAMETERS.noise_spacing_px
+    noisy = 20 + np.random.default_rng(4).normal(0, 0.4, (3000, 2 * spacing + 1))
+    assert seen_disparity_noise_px(noisy.astype(np.float32), PARAMETERS) == pytest.approx(
+        0.4, rel=0.1
+    )
+    narrower = noisy[:, 1:].astype(np.float32)
+    assert seen_disparity_noise_px(narrower, PARAMETERS) == TYPICAL_NOISE_PX
+
+
 @pytest.mark.parametrize('shape', [(20, 30), (2, 3), (1, 1)])
 def test_disparity_noise_is_typical_without_matches(shape):
     assert seen_disparity_noise_px(np.zeros(shape, np.float32), PARAMETERS) == TYPICAL_NOISE_PX

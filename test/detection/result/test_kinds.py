@@ -6,8 +6,7 @@ from typing import get_args
 import numpy as np
 from hand_made import small_detection
 
-from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, KINDS, Cue, Kind
-from rover_obstacle_detection.detection.result.obstacles import pixel_kinds
+from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, Cue, Kind
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -18,20 +17,6 @@ def test_numbers_of_kinds_are_those_that_users_rely_on():
     documentation = (ROOT / 'docs' / 'replay.md').read_text()
     for kind, number in KIND_NUMBERS.items():
         assert f'| `{kind}` | {number} |' in documentation
-
-
-def test_each_cue_makes_its_kind():
-    cues = np.array([[*Cue, 0]], np.uint8)
-    numbers = (cues > 0).astype(np.int32)
-    found = pixel_kinds(cues, numbers, ['rough'])
-    assert found.dtype == np.uint8
-    assert found[0].tolist() == [*(KIND_NUMBERS[KINDS[cue]] for cue in Cue), 0]
-
-
-def test_first_of_several_cues_counts_and_without_any_the_obstacle():
-    cues = np.array([[Cue.DROP | Cue.SLOPE, Cue.DROP | Cue.HEIGHT, 0, Cue.DROP, 0]], np.uint8)
-    numbers = np.array([[1, 1, 2, 0, 0]], np.int32)
-    assert pixel_kinds(cues, numbers, ['drop', 'unmeasured']).tolist() == [[2, 1, 5, 0, 0]]
 
 
 def test_points_have_the_kinds_of_their_pixels():

@@ -6,11 +6,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.result.cue import KINDS, Cue, Kind
+from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, KINDS, Cue, Kind
 from rover_obstacle_detection.detection.result.obstacles import (
     describe_obstacles,
     main_kinds,
     number_obstacles,
+    pixel_kinds,
 )
 
 TAIL_SHARE = 0.02
@@ -164,3 +165,17 @@ def test_an_obstacle_is_what_most_of_its_pixels_are(shares, kind):
 def test_every_cue_makes_a_kind_of_its_own():
     assert set(KINDS) == set(Cue)
     assert sorted(KINDS.values()) == sorted(get_args(Kind))
+
+
+def test_each_cue_makes_its_kind():
+    cues = np.array([[*Cue, 0]], np.uint8)
+    numbers = (cues > 0).astype(np.int32)
+    found = pixel_kinds(cues, numbers, ['rough'])
+    assert found.dtype == np.uint8
+    assert found[0].tolist() == [*(KIND_NUMBERS[KINDS[cue]] for cue in Cue), 0]
+
+
+def test_first_of_several_cues_counts_and_without_any_the_obstacle():
+    cues = np.array([[Cue.DROP | Cue.SLOPE, Cue.DROP | Cue.HEIGHT, 0, Cue.DROP, 0]], np.uint8)
+    numbers = np.array([[1, 1, 2, 0, 0]], np.int32)
+    assert pixel_kinds(cues, numbers, ['drop', 'unmeasured']).tolist() == [[2, 1, 5, 0, 0]]

@@ -231,6 +231,36 @@ def test_brims_narrower_than_a_wheel_or_far_away_are_dropped(width_m, distance_m
         assert np.median(y) == pytest.approx(distance_m, abs=0.05)
 
 
+def only(*columns, posed=POSED):
+    """Matches are missing in all other columns."""
+    seen = np.isin(np.arange(posed.camera.width), np.r_[columns])
+    return lambda x, y: np.broadcast_to(~seen, x.shape)
+
+
+@pytest.mark.parametrize(('gap', 'is_found'), [(4, True), (6, False)])
+def test_parts_of_a_brim_with_a_few_columns_between_them_count_together(gap, is_found):
+    # Each part is 11 cm wide, with its surroundings.
+    found = Found(edge(distance_m=1.2), missing=only(np.s_[8:20], np.s_[20 + gap : 32 + gap]))
+    assert (found.columns.size > 0) == is_found
+
+
+def test_a_single_column_is_no_brim():
+    coarse = replace(POSED, camera=CAMERA.resized(22, 160))
+    assert Found(edge(), posed=coarse).columns.size > 20
+    assert not Found(edge(), posed=coarse, missing=only(np.s_[10:11], posed=coarse)).columns.size
+
+
+def test_the_last_row_of_the_image_belongs_to_the_ground_before_a_brim():
+    disparity, _, y = looked(POSED, edge(distance_m=0.9))
+    assert y[-1].max() > 0.6
+    assert find_brims(POSED.stereo(disparity), PARAMETERS).columns.size > 0.9 * COLUMNS
+    disparity = disparity.copy()
+    # 0.3 m higher on the same rays. Ground that bends down so much is a crest.
+    disparity[-1] /= 1 - 0.3 / POSED.height_m
+    rows = find_brims(POSED.stereo(disparity), PARAMETERS).rows
+    assert (rows == POSED.camera.height - 1).all(), 'the last row itself ends in a jump'
+
+
 @pytest.mark.parametrize(
     ('height_m', 'is_found', 'is_sure'),
     [(0.2, False, False), (0.34, True, False), (0.5, True, True)],

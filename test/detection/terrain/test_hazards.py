@@ -211,6 +211,13 @@ def test_roughness_counts_above_the_limit_and_without_noise_and_obstacles():
     assert not rough(stones, max_roughness_m=0.05, rocks=np.ones((200, 200), bool)).any()
 
 
+def test_a_single_pixel_of_a_cell_tells_how_rough_it_is():
+    rocks = np.ones((200, 200), bool)
+    rocks[::4, ::4] = False
+    found = rough(np.full((200, 200), 0.07), max_roughness_m=0.05, rocks=rocks)
+    np.testing.assert_array_equal(found, ~rocks)
+
+
 def test_height_is_known_where_a_step_would_show():
     height_m = np.array([0, 0, 0, 0.5, np.nan], np.float32)
     noise_m = np.array([0.001, 0.049, 0.051, np.inf, 0.001], np.float32)

@@ -123,6 +123,17 @@ def test_noise_may_place_points_below_the_ground():
     assert not found[puddle].any()
 
 
+def test_the_heights_that_a_low_camera_sees_are_less_noisy():
+    low = PosedCamera(pitch_deg=25.0, height_m=0.3)
+    disparity, x, y = low.look(flat)
+    puddle = (abs(x) < 0.5) & (y > 0.6) & (y < 0.9)
+    # A wall at 1.5 m, 0.2 to 0.45 m below the ground.
+    mirrored = np.where(puddle, disparity * y / 1.5, disparity).astype(np.float32)
+    found = seen_through_ground(low.stereo(mirrored, 0.4), PARAMETERS)
+    assert found[puddle].mean() > 0.55
+    assert not found[~puddle].any()
+
+
 def test_without_ground_around_a_mirror_nothing_is_known_of_it():
     disparity, puddle = mirrored()
     found, _, _ = found_in(flat, disparity=np.where(puddle, disparity, 0))

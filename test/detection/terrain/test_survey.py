@@ -256,6 +256,18 @@ def test_layers_follow_the_spans_and_share_no_pixel():
         assert layer.ground_m.shape == layer.seen.shape == layer.positions.shape
 
 
+def test_cells_with_one_pixel_or_more_are_seen():
+    disparity, _, y = POSED.look(flat)
+    disparity[(y > 1.4) & (y < 1.8)] = 0
+    layer = survey_layers(POSED.stereo(disparity), [(0.04, math.inf)], PARAMETERS).layers[0]
+    places = layer.positions
+    count = np.zeros(places.shape, int)
+    cells = (np.rint(each[layer.pixels]).astype(int) for each in (places.row, places.column))
+    np.add.at(count, tuple(cells), 1)
+    assert (count == 1).any()
+    np.testing.assert_array_equal(layer.seen, count > 0)
+
+
 def test_far_layer_leaves_out_near_ground():
     terrain, _, _, y = POSED.survey(flat)
     for nearer, layer in zip(terrain.layers, terrain.layers[1:], strict=False):

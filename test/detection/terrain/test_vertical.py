@@ -9,6 +9,8 @@ from relief import PARAMETERS, PosedCamera, bank, block, flat, tilted, together
 
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.terrain import vertical as module
+from rover_obstacle_detection.detection.terrain.parameters import VerticalParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
 from rover_obstacle_detection.detection.terrain.vertical import likely_verticals
 
@@ -117,6 +119,37 @@ def test_slope_that_begins_gently_hardly_counts(pitch_deg, height_m):
     slope = bank(-26, 1.4, 0.4)
     posed = PosedCamera(pitch_deg=pitch_deg, height_m=height_m)
     assert apart_deg(vertical(together(slope, relief), posed), posed.up) < 2.3
+
+
+def cells_of(height, side_m=0.1):
+    """Cells of the same weight on a patch of ground before the rover."""
+    across, forward = np.meshgrid(np.arange(-1, 1, side_m), np.arange(0.3, 4, side_m))
+    x, y = across.ravel(), forward.ravel()
+    return np.column_stack((x, y, height(x, y), np.full(x.size, 1 / x.size)))
+
+
+def test_the_rise_before_a_soft_bend_is_that_under_the_rover():
+    soft = together(tilted(0.0, 0.05), bank(20, 1.0, 0.5))
+    found = module._mean_bend(cells_of(soft), VerticalParameters())
+    rise = math.tan(math.radians(20))
+    # The bend begins behind the rover.
+    assert found.rise_before == pytest.approx(0.05 + rise / (1 + math.exp(1.0 / 0.5)), abs=0.02)
+    assert found.rise_beyond == pytest.approx(0.05 + rise, abs=0.01)
+    assert found.distance_m == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_fit_has_the_least_cost():
+    height = together(tilted(0.1, 0.05), block(0.3, 2.0, 0.8, 0.05), block(-0.4, 3.0, 0.6, -0.3))
+    cells, p = cells_of(height), VerticalParameters(iterations=200)
+
+    def cost(solution):
+        off = cells[:, 2] - solution @ np.vstack((np.ones(len(cells)), cells[:, :2].T))
+        return (cells[:, 3] * np.log1p((off / p.relief_m) ** 2)).sum()
+
+    (*plane, _), found = module._fit(cells, None, 1.0, p)
+    assert found == pytest.approx(cost(plane), rel=1e-6)
+    for change in 3e-4 * np.vstack((np.eye(3), -np.eye(3))):
+        assert cost(plane + change) > found
 
 
 def test_cells_with_little_information_hardly_count():
