@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
+_CONTROL = re.compile('[\x00-\x1f\x7f-\x9f\u2028\u2029]')
+
 
 class ObstacleDetectionError(Exception):
     """Base class of the errors that this package raises deliberately."""
+
+    def __str__(self) -> str:
+        """Return the message on one line: names in recordings may hold line breaks."""
+        return _CONTROL.sub(lambda found: repr(found[0])[1:-1], super().__str__())
 
 
 class CameraError(ObstacleDetectionError):
