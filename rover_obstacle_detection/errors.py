@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+_LINE_BREAK = re.compile('[ \t\r]*\n[ \t\r\n]*')
 _CONTROL = re.compile('[\x00-\x1f\x7f-\x9f\u2028\u2029]')
 
 
@@ -12,7 +13,8 @@ class ObstacleDetectionError(Exception):
 
     def __str__(self) -> str:
         """Return the message on one line: names in recordings may hold line breaks."""
-        return _CONTROL.sub(lambda found: repr(found[0])[1:-1], super().__str__())
+        line = _LINE_BREAK.sub(' ', super().__str__())
+        return _CONTROL.sub(lambda found: repr(found[0])[1:-1], line)
 
 
 class CameraError(ObstacleDetectionError):

@@ -11,7 +11,7 @@ from rover_obstacle_detection.errors import BagError, failure_text
     ('name', 'shown'),
     [
         ('/camera\x0bleft', r'/camera\x0bleft'),
-        ('a\nb\r\x1b[31m', r'a\nb\r\x1b[31m'),
+        ('a\n  b\r\x1b[31m', r'a b\r\x1b[31m'),
         ('\x85\u2028\u2029\x7f', r'\x85\u2028\u2029\x7f'),
         ('/caméra  左', '/caméra  左'),
     ],

@@ -36,7 +36,7 @@ def add_command(
 
     Without `usage`, argparse lists all options.
     """
-    parser = subparsers.add_parser(
+    return subparsers.add_parser(
         name,
         help=summary,
         description=description,
@@ -44,8 +44,6 @@ def add_command(
         usage=usage,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.set_defaults(subparser=parser)
-    return parser
 
 
 def unrecognized(words: list[str], parser: argparse.ArgumentParser) -> str:

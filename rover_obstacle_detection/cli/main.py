@@ -66,6 +66,8 @@ def make_parser() -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     for module in COMMAND_MODULES:
         importlib.import_module(module).add_parser(subparsers)
+    for subparser in subparsers.choices.values():
+        subparser.set_defaults(subparser=subparser)
     return parser
 
 
