@@ -217,6 +217,11 @@ def test_numbers_of_no_real_camera_are_rejected(changes, said):
             {'cx': 319.5 - 400 * math.tan(math.radians(79.9)), 'cx_right': -1900.0},
             {'cx': 319.5 - 400 * math.tan(math.radians(80.1)), 'cx_right': -1900.0},
         ),
+        # Half a pixel more than the middle of 16 pixels would be 0.2 degrees.
+        (
+            {'width': 16, 'fx': 2.0, 'cx': 7.5 + 2 * math.tan(math.radians(79.9))},
+            {'width': 16, 'fx': 2.0, 'cx': 7.5 + 2 * math.tan(math.radians(80.1))},
+        ),
         (
             {'cy': 239.5 + 400 * math.tan(math.radians(79.9))},
             {'cy': 239.5 + 400 * math.tan(math.radians(80.1))},

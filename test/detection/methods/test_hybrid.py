@@ -91,6 +91,18 @@ def test_rover_with_a_larger_step_ignores_the_rock():
     assert flagged(found, view.obstacle) < 0.1
 
 
+def test_small_stones_are_rough_ground_only_if_roughness_is_limited():
+    stones = [
+        Dome(x, y, 0.06) for x in np.arange(-0.6, 0.6, 0.15) for y in np.arange(0.7, 1.6, 0.15)
+    ]
+    scene = wide_baseline(solids=tuple(stones))
+    found, view = detect(scene, max_roughness=0.015)
+    assert flagged(found, view.obstacle) > 0.2
+    assert {each.kind for each in found.obstacles} == {'rough'}
+    free, _ = detect(scene)
+    assert not free.mask.any()
+
+
 FLAT = {
     **{f'{pitch} degrees': mast(pitch_deg=pitch) for pitch in (20, 30, 46, 60, 68)},
     'close to the ground': hazard_camera(),

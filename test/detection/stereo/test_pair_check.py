@@ -77,7 +77,10 @@ def test_the_same_image_twice_is_named(same_share, refused):
     ('level', 'words'),
     [
         (0, 'it is black, check the lens cap, the light and the exposure'),
-        (90, 'check for a covered or fogged lens'),
+        (14, 'it is black, check the lens cap, the light and the exposure'),
+        (15, 'check for a covered or fogged lens'),
+        (240, 'check for a covered or fogged lens'),
+        (241, 'it is white, check the exposure'),
         (255, 'it is white, check the exposure'),
     ],
 )

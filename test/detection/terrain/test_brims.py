@@ -127,6 +127,13 @@ def test_the_ground_within_a_wheels_reach_before_a_brim_is_its_edge():
     assert (marked == found.brims.edge_rows + p.blur_px + 1).all()
 
 
+def test_an_edge_ends_with_the_image():
+    found = Found(edge(distance_m=0.75))
+    assert found.columns.size > 0.9 * COLUMNS
+    assert (found.brims.rows + found.brims.edge_rows > POSED.camera.height).all()
+    assert found.edge[-1].mean() > 0.9
+
+
 def test_an_edge_has_some_rows_however_far_away():
     p = BrimParameters(edge_m=0.0, edge_px=6)
     found = Found(edge(), brims=p)
