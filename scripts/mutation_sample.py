@@ -2,6 +2,7 @@
 
     python scripts/mutation_sample.py --count 60
     python scripts/mutation_sample.py --count 60 --wider
+    python scripts/mutation_sample.py --count 0 --jobs 2 --module terrain/
 
 Draws mutants from modules with a test file of the same name and runs only this file on each, in a
 copy of the working tree: `test/detection/x/test_y.py` for `detection/x/y.py`. With `--wider`,
@@ -15,16 +16,26 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import multiprocessing
+import multiprocessing.pool
 import os
 import random
 import re
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
+
+# Imported once here: each run of the tests is a fork of this process.
+import cv2  # noqa: F401
+import hypothesis  # noqa: F401
+import numpy as np  # noqa: F401
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path('rover_obstacle_detection')
@@ -40,6 +51,7 @@ SWAPPED = {
     '<': '<=', '<=': '<', '>': '>=', '>=': '>', '==': '!=', '!=': '==', '+': '-', '-': '+',
     'and': 'or', 'or': 'and', 'is': 'is not', 'is not': 'is', 'in': 'not in', 'not in': 'in',
 }  # fmt: skip
+_copy: Path
 OPERATORS = re.compile(r'not in|is not|<=|>=|==|!=|[<>+-]|\b(?:and|or|is|in)\b')
 
 
@@ -70,32 +82,58 @@ class Mutant:
 def main() -> int:
     """Run the sample; print the result."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--count', type=int, default=60, help='number of mutants')
+    parser.add_argument('--count', type=int, default=60, help='number of mutants; 0: all')
     parser.add_argument('--seed', type=int, default=1, help='of the random choice')
+    parser.add_argument('--module', default='', help='only modules whose path contains this')
+    parser.add_argument('--jobs', type=int, default=1, help='processes')
     parser.add_argument(
         '--wider', action='store_true', help='give survivors to all tests of the detector'
     )
     arguments = parser.parse_args()
-    mutants = list(all_mutants(ROOT))
-    sample = random.Random(arguments.seed).sample(mutants, arguments.count)
-    print(f'{len(sample)} of {len(mutants)} mutants, seed {arguments.seed}', flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder)
-        copy_tree(ROOT, copy)
-        wider = [DETECTOR_TESTS] if arguments.wider else []
-        for tests in sorted({each.test for each in sample}) + wider:
-            if not passes(copy, tests, WIDER_TIMEOUT_S):
+    mutants = [each for each in all_mutants(ROOT) if arguments.module in str(each.module)]
+    count = min(arguments.count or len(mutants), len(mutants))
+    sample = random.Random(arguments.seed).sample(mutants, count)
+    print(f'{count} of {len(mutants)} mutants, seed {arguments.seed}', flush=True)
+    wider = [DETECTOR_TESTS] if arguments.wider else []
+    with tempfile.TemporaryDirectory() as folder, _pool(arguments.jobs, Path(folder)) as pool:
+        unchanged = sorted({each.test for each in sample}) + wider
+        for tests, passed in zip(unchanged, pool.imap(_passes_unchanged, unchanged), strict=True):
+            if not passed:
                 print(f'{tests} fails without a mutant', file=sys.stderr)
                 return 1
         survivors = sorted(sample, key=lambda each: (each.module, each.start))
         for folder_of_all in (None, *wider):
-            survivors = [mutant for mutant in survivors if judged(mutant, copy, folder_of_all)]
-            killed = len(sample) - len(survivors)
+            judgements = [(mutant, folder_of_all) for mutant in survivors]
+            survivors = [mutant for mutant in pool.imap(_judged, judgements) if mutant]
+            killed = count - len(survivors)
             by = f'it or {folder_of_all}' if folder_of_all else 'the test file of the same name'
-            print(f'\n{killed} of {len(sample)} killed ({killed / len(sample):.0%}) by {by}\n')
+            print(f'\n{killed} of {count} killed ({killed / count:.0%}) by {by}\n')
         for mutant in survivors:
-            print(diff(mutant, copy))
+            print(diff(mutant, ROOT))
     return 0
+
+
+def _pool(jobs: int, folder: Path) -> multiprocessing.pool.Pool:
+    """Return processes with a copy of the working tree each."""
+    return multiprocessing.get_context('fork').Pool(jobs, _copy_for_this_process, [folder])
+
+
+def _copy_for_this_process(folder: Path) -> None:
+    global _copy
+    _copy = folder / str(os.getpid())
+    copy_tree(ROOT, _copy)
+
+
+def _passes_unchanged(tests: Path) -> bool:
+    return passes(_copy, tests, WIDER_TIMEOUT_S)
+
+
+def _judged(judgement: tuple[Mutant, Path | None]) -> Mutant | None:
+    """Print whether a mutant survives; return it if it does."""
+    mutant, tests = judgement
+    survived = survives(mutant, _copy, tests)
+    print(f'{"SURVIVED" if survived else "killed"} {describe(mutant, _copy)}', flush=True)
+    return mutant if survived else None
 
 
 def all_mutants(root: Path) -> Iterator[Mutant]:
@@ -189,23 +227,37 @@ def copy_tree(root: Path, folder: Path) -> None:
 
 
 def passes(folder: Path, tests: Path, timeout_s: float = TIMEOUT_S) -> bool:
-    """Run a test file or folder in the copy."""
-    environment = os.environ | {'PYTHONPATH': str(folder), 'PYTHONDONTWRITEBYTECODE': '1'}
-    command = [sys.executable, '-m', 'pytest', '-x', '-q', '-p', 'no:cacheprovider', str(tests)]
+    """Run a test file or folder in the copy, in a process of its own."""
+    child = os.fork()
+    if not child:
+        _run_tests(folder, tests)
+    end_s = time.monotonic() + timeout_s
+    while not (ended := os.waitpid(child, os.WNOHANG))[0]:
+        if time.monotonic() > end_s:
+            os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return False
+        time.sleep(0.01)
+    return ended[1] == 0
+
+
+def _run_tests(folder: Path, tests: Path) -> NoReturn:
+    """Run tests in a forked process and end it."""
+    status = 1
     try:
-        run = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, timeout=timeout_s
-        )
-    except subprocess.TimeoutExpired:
-        return False
-    return run.returncode == 0
-
-
-def judged(mutant: Mutant, folder: Path, tests: Path | None) -> bool:
-    """Print and return whether a mutant survives."""
-    survived = survives(mutant, folder, tests)
-    print(f'{"SURVIVED" if survived else "killed"} {describe(mutant, folder)}', flush=True)
-    return survived
+        os.setsid()
+        os.chdir(folder)
+        os.environ |= {'PYTHONPATH': str(folder), 'PYTHONDONTWRITEBYTECODE': '1'}
+        sys.dont_write_bytecode = True
+        sys.path.insert(0, str(folder))
+        silent = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silent, 1)
+        os.dup2(silent, 2)
+        # hypothesis is imported already.
+        options = ['-x', '-q', '-p', 'no:cacheprovider', '-W', 'ignore:Module already imported']
+        status = pytest.main([*options, str(tests)])
+    finally:
+        os._exit(status)
 
 
 def survives(mutant: Mutant, folder: Path, tests: Path | None = None) -> bool:

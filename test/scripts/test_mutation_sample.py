@@ -52,20 +52,20 @@ def test_every_mutant_of_the_detection_is_another_valid_program() -> None:
 
 def test_a_mutant_survives_if_the_tests_do_not_look(tmp_path: Path) -> None:
     source = 'def grown(a):\n    return a + a\n\n\ndef unseen(a):\n    return a > a\n'
-    (tmp_path / 'code.py').write_text(source)
-    (tmp_path / 'test_code.py').write_text(
-        'from code import grown\n\n\ndef test_it():\n    assert grown(1) == 2\n'
+    (tmp_path / 'sums.py').write_text(source)
+    (tmp_path / 'test_sums.py').write_text(
+        'from sums import grown\n\n\ndef test_it():\n    assert grown(1) == 2\n'
     )
     results = {}
     for start, end, new in changes(source):
-        mutant = Mutant(Path('code.py'), Path('test_code.py'), start, end, new)
+        mutant = Mutant(Path('sums.py'), Path('test_sums.py'), start, end, new)
         survived = mutation_sample.survives(mutant, tmp_path)
         results[mutation_sample.describe(mutant, tmp_path)] = survived
         diff = mutation_sample.diff(mutant, tmp_path)
 
     assert results == {
-        'code.py:2: + -> -': False,
-        'code.py:6: > -> >=': True,
+        'sums.py:2: + -> -': False,
+        'sums.py:6: > -> >=': True,
     }
-    assert (tmp_path / 'code.py').read_text() == source
+    assert (tmp_path / 'sums.py').read_text() == source
     assert '-    return a > a\n+    return a >= a\n' in diff
