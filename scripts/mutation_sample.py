@@ -245,7 +245,7 @@ def _run_tests(folder: Path, tests: Path) -> NoReturn:
     """Run tests in a forked process and end it."""
     status = 1
     try:
-        os.setsid()
+        os.setpgid(0, 0)
         os.chdir(folder)
         os.environ |= {'PYTHONPATH': str(folder), 'PYTHONDONTWRITEBYTECODE': '1'}
         sys.dont_write_bytecode = True
