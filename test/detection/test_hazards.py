@@ -24,6 +24,8 @@ JUDGED = (
     'wall_board_study',
     'drop_edge_0.80_at_4.0_mast',
     'drop_edge_0.50_at_1.2_study',
+    'drop_cliff_at_2.0_rover',
+    'drop_cliff_before_hills_at_1.6_rover',
     'drop_trench_floor_at_1.0_low',
     'drop_trench_nofloor_at_0.9_oblique+20_wide',
     'free_ramp_down_10_at_1.0_wide',

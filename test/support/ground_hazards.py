@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 from hazard_scene import HazardScene, band_px
-from scene_parts import FAR_M, Line, line_across, make_scene, profile, row_of
-from surfaces import FREE, OBSTACLE, UNCOUNTED, Rig
+from scene_parts import FAR_M, Line, line_across, make_scene, profile, row_of, wall
+from surfaces import FREE, OBSTACLE, UNCOUNTED, Look, Rig
 
 # Not counted on either side of a step or the foot of a slope.
 STEP_MARGIN_M = 0.2
@@ -38,6 +39,14 @@ def drop(
 def cliff(rig: Rig, distance_m: float, yaw_deg: float = 0.0) -> HazardScene:
     """An edge below which there is only sky."""
     return over_brim('drop_cliff', rig, [], distance_m, yaw_deg)
+
+
+def cliff_before_hills(rig: Rig, distance_m: float, yaw_deg: float = 0.0) -> HazardScene:
+    """An edge behind which only hills beyond the range are seen."""
+    # The texture repeats farther away.
+    hills = replace(wall(8.0, look=Look(140.0, 0.25)), corner=(0.0, 8.0, -15.0), expect=UNCOUNTED)
+    scene = over_brim('drop_cliff_before_hills', rig, [], distance_m, yaw_deg)
+    return scene.with_(surfaces=(*scene.surfaces, hills), config={'max_range': 5.0})
 
 
 def stairs_down(

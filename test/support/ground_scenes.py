@@ -47,6 +47,8 @@ def drops() -> Iterator[HazardScene]:
         ('study', 1.3, 0),
     ):
         yield make.cliff(RIGS[name], distance_m, yaw_deg)
+    for name, distance_m, yaw_deg in (('rover', 1.6, 0), ('low', 1.2, -20), ('mast', 3.0, 10)):
+        yield make.cliff_before_hills(RIGS[name], distance_m, yaw_deg)
     for name, distance_m, rise_m, tread_m in (
         ('rover', 1.5, 0.17, 0.28),
         ('low', 1.2, 0.15, 0.30),

@@ -47,6 +47,7 @@ from rover_obstacle_detection.detection.stereo.pair_check import check_pair
 from rover_obstacle_detection.detection.stereo.plane_sweep import is_doubtful, likelier_ground
 from rover_obstacle_detection.detection.stereo.support import measure_support, sparse_areas
 from rover_obstacle_detection.detection.stereo.warped_matching import residual_range
+from rover_obstacle_detection.detection.terrain.backdrop import with_backdrop
 from rover_obstacle_detection.detection.terrain.level_brims import AllBrims, brims_by_vertical
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 from rover_obstacle_detection.errors import UnjudgeablePairError
@@ -131,7 +132,8 @@ def measure(
         check_upright(coarse, p)
     finished('support')
     stereo = stages.reflections(stereo, p.terrain)
-    brims = AllBrims((stages.brims(stereo, p.terrain),))
+    ends = with_backdrop(stereo, p.terrain)
+    brims = AllBrims((stages.brims(ends, p.terrain),))
     finished('brims')
     terrain = stages.survey(stereo, p.terrain)
     finished('local ground')
@@ -140,7 +142,7 @@ def measure(
         beyond = brims.beyond()
         before = [layer.without(beyond) for layer in terrain.layers]
         verticals = stages.verticals(before, ground, p.terrain)
-    brims, up = brims_by_vertical(brims, verticals, stereo, stages.brims, p.terrain)
+    brims, up = brims_by_vertical(brims, verticals, ends, stages.brims, p.terrain)
     stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
     return Measurement(frame, correction, stereo, terrain, brims, sparse, doubts + warnings)

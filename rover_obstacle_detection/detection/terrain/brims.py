@@ -141,7 +141,7 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     found[drop_rows + 1, columns] = True
     first = ~found[drop_rows, columns]
     drop_rows, columns = drop_rows[first], columns[first]
-    rows = below.rows[np.minimum(drop_rows + p.reach_px, len(found) - 2), columns]
+    rows = below.rows[_below_jump(drop_rows, p, len(found) - 1), columns]
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
     # Where matching blurs the ground just before it, a brim looks like a crest.
@@ -176,7 +176,7 @@ class Surface:
         self._stereo, self._parameters = stereo, parameters
         self._camera, self._ground = stereo.frame.camera, stereo.ground
         disparity = stereo.disparity
-        missing = disparity <= self._camera.disparity_at(parameters.max_range_m)
+        missing = disparity < self._camera.disparity_at(parameters.max_range_m)
         self.height_m = np.float32(self._ground.height_m) * (disparity - stereo.expected)
         self.height_m /= np.maximum(disparity, np.float32(1e-6))
         self.height_m[missing] = np.nan
@@ -285,6 +285,11 @@ def _rise_before(
     return np.asarray((points.height_m - before.height_m) / run_m, np.float32)
 
 
+def _below_jump(drop_rows: Rows, parameters: BrimParameters, height: int) -> Rows:
+    """Rows from which the nearest match downwards lies on the ground before a jump."""
+    return np.asarray(np.minimum(drop_rows + parameters.reach_px, height - 1))
+
+
 def _wide_enough(
     rows: Rows, columns: Rows, surface: Surface, next_below: _Nearest, parameters: BrimParameters
 ) -> tuple[Rows, Rows]:
@@ -297,7 +302,7 @@ def _wide_enough(
     found[rows, columns] = 1
     joined = cv2.dilate(found, np.ones((2 * reach + 1,) * 2, np.uint8))
     count, labels = cv2.connectedComponents(joined, connectivity=8)
-    brim = surface.points(next_below.rows[rows, columns], columns)
+    brim = surface.points(next_below.rows[_below_jump(rows, p, len(found)), columns], columns)
     part = np.asarray(labels)[rows, columns].astype(np.intp)
     pixels = np.maximum(np.bincount(part, minlength=count), 1)
     scale, along_m = (

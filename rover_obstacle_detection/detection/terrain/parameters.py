@@ -136,6 +136,40 @@ class ReflectionParameters:
 
 
 @dataclass(frozen=True)
+class BackdropParameters:
+    """What is sky although it lies below the horizon.
+
+    Grey levels are those of 8-bit images. Set on ray-cast cliffs, plain ground and haze.
+
+    Parameters
+    ----------
+    window_px : int
+        Side of the window without texture, as above the horizon.
+    min_difference : float
+        Mean difference of neighbours from which that window shows texture, grey levels.
+    noises : float
+        The same, in standard deviations of the noise. Derived: noise alone has 1.1.
+    sky_rows : int
+        Lowest rows of the sky above the horizon that show its brightness.
+    min_grey : float
+        Darker sky may be shadow.
+    max_difference : float
+        Grey levels by which the sky may differ from that above the horizon.
+    min_edge : float
+        Least difference of the window that follows, grey levels. Derived: where haze hides its
+        texture, ground differs from the sky by little more.
+    """
+
+    window_px: int = 9
+    min_difference: float = 2.0
+    noises: float = 1.5
+    sky_rows: int = 8
+    min_grey: float = 30.0
+    max_difference: float = 12.0
+    min_edge: float = 20.0
+
+
+@dataclass(frozen=True)
 class BrimParameters:
     """When a jump of the sight lines is the brim of a drop.
 
@@ -364,5 +398,6 @@ class TerrainParameters:
     border_px: float = 5
     min_border_slope_share: float = 0.0025
     vertical: VerticalParameters = field(default_factory=VerticalParameters)
+    backdrop: BackdropParameters = field(default_factory=BackdropParameters)
     brims: BrimParameters = field(default_factory=BrimParameters)
     reflections: ReflectionParameters = field(default_factory=ReflectionParameters)

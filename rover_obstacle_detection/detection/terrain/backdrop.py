@@ -1,0 +1,99 @@
+"""The backdrop: what is seen past the end of the ground, such as sky and far hills."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.images.texture import untextured
+from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.parameters import (
+    BackdropParameters,
+    TerrainParameters,
+)
+
+Image = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+def with_backdrop(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
+    """Place what is seen past the end of the ground at the greatest distance.
+
+    There it lies far below the ground that hides its foot, so that the end of the ground shows as
+    a brim.
+
+    Parameters
+    ----------
+    stereo : Stereo
+    parameters : TerrainParameters
+
+    Returns
+    -------
+    Stereo
+        No match lies beyond ``max_range_m``, and sky below the horizon lies there, without noise.
+    """
+    farthest = np.float32(stereo.frame.camera.disparity_at(parameters.max_range_m))
+    sky = sky_below_horizon(stereo, parameters.backdrop)
+    beyond = (stereo.disparity > 0) & (stereo.disparity < farthest)
+    return replace(
+        stereo,
+        disparity=np.where(sky | beyond, farthest, stereo.disparity),
+        noise_px=np.where(sky, np.float32(0), stereo.noise_px),
+    )
+
+
+def sky_below_horizon(stereo: Stereo, parameters: BackdropParameters) -> Mask:
+    """Find the sky below the horizon of the ground plane.
+
+    Sky reaches down from above the horizon, plain and evenly bright, to an edge.
+
+    Parameters
+    ----------
+    stereo : Stereo
+    parameters : BackdropParameters
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+
+    Notes
+    -----
+    Ground may be plain too. In haze and where the sensor saturates, it becomes so gradually, in
+    the brightness of the sky. Black shadow may reach to the horizon, so black sky does not count.
+    """
+    p, frame = parameters, stereo.frame
+    left = frame.pair[0]
+    above = stereo.expected <= 0
+    if not above.any():
+        return above
+    noise = p.noises * stereo.grey_noise / math.sqrt(2)
+    plain = untextured(left, p.window_px, max(p.min_difference, noise))
+    if frame.rover_mask is not None:
+        plain &= ~frame.rover_mask
+    brightness = np.asarray(cv2.blur(left, (p.window_px,) * 2), np.float32)
+    of_sky = _sky_brightness(brightness, above & plain, p)
+    even = plain & (np.abs(brightness - of_sky) < p.max_difference)
+    # A column's sky ends with its first pixel that is none.
+    sky = np.logical_and.accumulate(above | even, axis=0)
+    # No plain window reaches over the edge: the next one lies behind it.
+    next_row = np.minimum(np.count_nonzero(sky, axis=0) + p.window_px, len(left) - 1)
+    after = np.take_along_axis(brightness, next_row[np.newaxis], axis=0)[0]
+    sky &= ~above & (np.abs(after - of_sky) > p.min_edge)
+    return sky
+
+
+def _sky_brightness(brightness: Image, sky: Mask, parameters: BackdropParameters) -> Image:
+    """Mean grey level of the lowest rows of the sky above the horizon in each column.
+
+    Infinite where there are too few rows, or they are black.
+    """
+    p = parameters
+    lowest = sky & (np.cumsum(sky[::-1], axis=0, dtype=np.int32)[::-1] <= p.sky_rows)
+    count = np.count_nonzero(lowest, axis=0)
+    mean = np.where(lowest, brightness, 0).sum(axis=0) / np.maximum(count, 1)
+    usable = (count == p.sky_rows) & (mean > p.min_grey)
+    return np.where(usable, mean, np.inf).astype(np.float32)
