@@ -37,7 +37,7 @@ def with_backdrop(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
         No match lies beyond ``max_range_m``, and sky below the horizon lies there, without noise.
     """
     farthest = np.float32(stereo.frame.camera.disparity_at(parameters.max_range_m))
-    sky = sky_below_horizon(stereo, parameters.backdrop)
+    sky = sky_in_place_of_ground(stereo, parameters.backdrop)
     beyond = (stereo.disparity > 0) & (stereo.disparity < farthest)
     return replace(
         stereo,
@@ -46,10 +46,11 @@ def with_backdrop(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
     )
 
 
-def sky_below_horizon(stereo: Stereo, parameters: BackdropParameters) -> Mask:
-    """Find the sky below the horizon of the ground plane.
+def sky_in_place_of_ground(stereo: Stereo, parameters: BackdropParameters) -> Mask:
+    """Find the sky where the ground plane would be seen.
 
-    Sky reaches down from above the horizon, plain and evenly bright, to an edge.
+    Sky reaches down to an edge, plain and evenly bright: from above the horizon or, where that is
+    not in view, from the top of the image.
 
     Parameters
     ----------
@@ -66,28 +67,26 @@ def sky_below_horizon(stereo: Stereo, parameters: BackdropParameters) -> Mask:
     the brightness of the sky. Black shadow may reach to the horizon, so black sky does not count.
     """
     p, frame = parameters, stereo.frame
-    left = frame.pair[0]
-    above = stereo.expected <= 0
-    if not above.any():
-        return above
+    left, known = frame.pair[0], stereo.expected <= 0
+    known[: p.sky_rows] = True
     noise = p.noises * stereo.grey_noise / math.sqrt(2)
     plain = untextured(left, p.window_px, max(p.min_difference, noise))
     if frame.rover_mask is not None:
         plain &= ~frame.rover_mask
     brightness = np.asarray(cv2.blur(left, (p.window_px,) * 2), np.float32)
-    of_sky = _sky_brightness(brightness, above & plain, p)
+    of_sky = _sky_brightness(brightness, known & plain, p)
     even = plain & (np.abs(brightness - of_sky) < p.max_difference)
     # A column's sky ends with its first pixel that is none.
-    sky = np.logical_and.accumulate(above | even, axis=0)
+    sky = np.logical_and.accumulate(known | even, axis=0)
     # No plain window reaches over the edge: the next one lies behind it.
     next_row = np.minimum(np.count_nonzero(sky, axis=0) + p.window_px, len(left) - 1)
     after = np.take_along_axis(brightness, next_row[np.newaxis], axis=0)[0]
-    sky &= ~above & (np.abs(after - of_sky) > p.min_edge)
+    sky &= ~known & (np.abs(after - of_sky) > p.min_edge)
     return sky
 
 
 def _sky_brightness(brightness: Image, sky: Mask, parameters: BackdropParameters) -> Image:
-    """Mean grey level of the lowest rows of the sky above the horizon in each column.
+    """Mean grey level of the lowest rows of known sky in each column.
 
     Infinite where there are too few rows, or they are black.
     """

@@ -137,7 +137,7 @@ class ReflectionParameters:
 
 @dataclass(frozen=True)
 class BackdropParameters:
-    """What is sky although it lies below the horizon.
+    """What is sky although ground could be seen there.
 
     Grey levels are those of 8-bit images. Set on ray-cast cliffs, plain ground and haze.
 
@@ -150,11 +150,11 @@ class BackdropParameters:
     noises : float
         The same, in standard deviations of the noise. Derived: noise alone has 1.1.
     sky_rows : int
-        Lowest rows of the sky above the horizon that show its brightness.
+        Lowest rows above the horizon, or first rows of the image, that show its brightness.
     min_grey : float
         Darker sky may be shadow.
     max_difference : float
-        Grey levels by which the sky may differ from that above the horizon.
+        Grey levels by which the sky may differ from those rows.
     min_edge : float
         Least difference of the window that follows, grey levels. Derived: where haze hides its
         texture, ground differs from the sky by little more.

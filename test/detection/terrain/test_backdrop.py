@@ -10,7 +10,10 @@ import pytest
 from relief import PARAMETERS, PosedCamera
 from synthetic import pinhole
 
-from rover_obstacle_detection.detection.terrain.backdrop import sky_below_horizon, with_backdrop
+from rover_obstacle_detection.detection.terrain.backdrop import (
+    sky_in_place_of_ground,
+    with_backdrop,
+)
 from rover_obstacle_detection.detection.terrain.brims import find_brims
 
 CAMERA = pinhole(60, 320, 60.0, 0.15)
@@ -48,7 +51,7 @@ def view_of(*, sky=SKY, ground=GROUND, contrast=1.0, noise=0.0, disparity=None, 
 
 
 def sky_in(stereo):
-    return sky_below_horizon(stereo, PARAMETERS.backdrop)
+    return sky_in_place_of_ground(stereo, PARAMETERS.backdrop)
 
 
 def brims_in(stereo):
@@ -122,10 +125,13 @@ def test_sky_below_an_object_is_not_seen_through_it():
     assert columns[45:].all()
 
 
-def test_without_the_horizon_in_view_nothing_is_sky():
+def test_without_the_horizon_in_view_sky_reaches_down_from_the_top_of_the_image():
     stereo = view_of()
     steep = PosedCamera(CAMERA, pitch_deg=75.0, height_m=1.2).stereo(stereo.disparity)
-    assert not sky_in(replace(stereo, expected=steep.expected)).any()
+    assert steep.expected.min() > 0
+    sky = sky_in(replace(stereo, expected=steep.expected))
+    np.testing.assert_array_equal(sky[60:], sky_in(stereo)[60:])
+    assert sky[8:60].all()
 
 
 def test_the_rover_is_no_sky():
