@@ -132,7 +132,7 @@ def measure(
         check_upright(coarse, p)
     finished('support')
     stereo = stages.reflections(stereo, p.terrain)
-    ends = with_backdrop(stereo, p.terrain)
+    ends = with_backdrop(stereo, straight.rover_mask, p.terrain)
     brims = AllBrims((stages.brims(ends, p.terrain),))
     finished('brims')
     terrain = stages.survey(stereo, p.terrain)

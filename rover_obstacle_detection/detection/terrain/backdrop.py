@@ -20,7 +20,9 @@ Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def with_backdrop(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
+def with_backdrop(
+    stereo: Stereo, rover_mask: Mask | None, parameters: TerrainParameters
+) -> Stereo:
     """Place what is seen past the end of the ground at the greatest distance.
 
     There it lies far below the ground that hides its foot, so that the end of the ground shows as
@@ -29,6 +31,8 @@ def with_backdrop(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
     Parameters
     ----------
     stereo : Stereo
+    rover_mask : ndarray of bool, shape (height, width), optional
+        Pixels that show the rover or nothing. The frame's own also has what is out of range.
     parameters : TerrainParameters
 
     Returns
@@ -37,7 +41,7 @@ def with_backdrop(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
         No match lies beyond ``max_range_m``, and sky below the horizon lies there, without noise.
     """
     farthest = np.float32(stereo.frame.camera.disparity_at(parameters.max_range_m))
-    sky = sky_in_place_of_ground(stereo, parameters.backdrop)
+    sky = sky_in_place_of_ground(stereo, rover_mask, parameters.backdrop)
     beyond = (stereo.disparity > 0) & (stereo.disparity < farthest)
     return replace(
         stereo,
@@ -46,7 +50,9 @@ def with_backdrop(stereo: Stereo, parameters: TerrainParameters) -> Stereo:
     )
 
 
-def sky_in_place_of_ground(stereo: Stereo, parameters: BackdropParameters) -> Mask:
+def sky_in_place_of_ground(
+    stereo: Stereo, rover_mask: Mask | None, parameters: BackdropParameters
+) -> Mask:
     """Find the sky where the ground plane would be seen.
 
     Sky reaches down to an edge, plain and evenly bright: from above the horizon or, where that is
@@ -55,6 +61,8 @@ def sky_in_place_of_ground(stereo: Stereo, parameters: BackdropParameters) -> Ma
     Parameters
     ----------
     stereo : Stereo
+    rover_mask : ndarray of bool, shape (height, width), optional
+        See `with_backdrop`.
     parameters : BackdropParameters
 
     Returns
@@ -66,13 +74,13 @@ def sky_in_place_of_ground(stereo: Stereo, parameters: BackdropParameters) -> Ma
     Ground may be plain too. In haze and where the sensor saturates, it becomes so gradually, in
     the brightness of the sky. Black shadow may reach to the horizon, so black sky does not count.
     """
-    p, frame = parameters, stereo.frame
-    left, known = frame.pair[0], stereo.expected <= 0
+    p, left = parameters, stereo.frame.pair[0]
+    known = stereo.expected <= 0
     known[: p.sky_rows] = True
     noise = p.noises * stereo.grey_noise / math.sqrt(2)
     plain = untextured(left, p.window_px, max(p.min_difference, noise))
-    if frame.rover_mask is not None:
-        plain &= ~frame.rover_mask
+    if rover_mask is not None:
+        plain &= ~rover_mask
     brightness = np.asarray(cv2.blur(left, (p.window_px,) * 2), np.float32)
     of_sky = _sky_brightness(brightness, known & plain, p)
     even = plain & (np.abs(brightness - of_sky) < p.max_difference)

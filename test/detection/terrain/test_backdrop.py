@@ -50,12 +50,12 @@ def view_of(*, sky=SKY, ground=GROUND, contrast=1.0, noise=0.0, disparity=None, 
     return replace(stereo, frame=frame, grey_noise=max(noise, 0.5) * 2**0.5)
 
 
-def sky_in(stereo):
-    return sky_in_place_of_ground(stereo, PARAMETERS.backdrop)
+def sky_in(stereo, rover_mask=None):
+    return sky_in_place_of_ground(stereo, rover_mask, PARAMETERS.backdrop)
 
 
 def brims_in(stereo):
-    return find_brims(with_backdrop(stereo, PARAMETERS), PARAMETERS)
+    return find_brims(with_backdrop(stereo, None, PARAMETERS), PARAMETERS)
 
 
 def test_sky_reaches_from_the_horizon_down_to_the_edge():
@@ -138,7 +138,7 @@ def test_the_rover_is_no_sky():
     stereo = view_of()
     rover = np.zeros(CAMERA.shape, np.bool_)
     rover[:, :30] = True
-    sky = sky_in(replace(stereo, frame=replace(stereo.frame, rover_mask=rover)))
+    sky = sky_in(stereo, rover)
     assert not sky[:, :30].any()
     assert sky[:, 35:].any(axis=0).all()
 
@@ -158,7 +158,7 @@ def test_what_lies_beyond_the_range_shows_a_brim_before_it():
 
 def test_only_sky_and_what_is_too_far_moves():
     stereo = view_of()
-    moved = with_backdrop(stereo, PARAMETERS)
+    moved = with_backdrop(stereo, None, PARAMETERS)
     sky = sky_in(stereo)
     np.testing.assert_array_equal(moved.disparity[~sky], stereo.disparity[~sky])
     np.testing.assert_array_equal(moved.noise_px[~sky], stereo.noise_px[~sky])
