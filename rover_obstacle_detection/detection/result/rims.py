@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.parameters import ResultParameters
-from rover_obstacle_detection.detection.rocks.windows import windows_around
+from rover_obstacle_detection.detection.rocks.tiles import tiles_around
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -74,7 +74,8 @@ def find_rims(
     rims = Rims(np.zeros(cues.shape, np.bool_), np.zeros(cues.shape, np.bool_))
     standing = (numbers > 0) & (cues > 0) & (cues & ~STANDING == 0)
     scale = np.float32(camera.fx * camera.baseline_m)
-    for window in windows_around(standing):
+    for tile in tiles_around(standing):
+        window = tile.outer
         with np.errstate(divide='ignore', invalid='ignore'):
             depth_m = scale / disparity[window]
             # Both have the noise of disparity; over plain ground, this is their ratio.
@@ -87,7 +88,7 @@ def find_rims(
             numbers[window] == 0,
             parameters,
         )
-        rims.behind[window] |= behind
+        rims.behind[tile.inner] = behind[tile.inner_in_outer]
         rims.before[window] |= before
     if rims.behind.any():
         measured = standing & np.isfinite(height_m)

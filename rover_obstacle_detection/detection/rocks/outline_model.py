@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.rocks.inference import OnnxRuntimeInference, load_inference
 from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
 from rover_obstacle_detection.detection.rocks.outline_features import FEATURES, FEATURES_VERSION
-from rover_obstacle_detection.detection.rocks.windows import BLOCK_PX
+from rover_obstacle_detection.detection.rocks.tiles import BLOCK_PX
 from rover_obstacle_detection.errors import ModelError
 
 MODEL_FILE = 'outline_model.onnx'

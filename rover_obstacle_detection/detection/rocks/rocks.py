@@ -15,7 +15,7 @@ from rover_obstacle_detection.detection.rocks.outline_features import outline_fe
 from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.standing import Standing
-from rover_obstacle_detection.detection.rocks.windows import Window, windows_around
+from rover_obstacle_detection.detection.rocks.tiles import Window, tiles_around
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -82,21 +82,16 @@ def outlined_rocks(
     draw : callable
         Outlines of a window.
     """
-    shape = stereo.disparity.shape
-    found = Rocks(np.zeros(shape, np.bool_), np.full(shape, np.nan, np.float32))
-    for window in windows_around(_with_dark_sides(stereo, terrain, standing, parameters)):
-        parts = Standing(standing.parts[window], standing.top_m)
-        near = terrain.within(window)
-        probability = draw(stereo, terrain, standing, window, parameters)
-        drawn = probability > parameters.outline_probability
-        overruled = overruled_parts(drawn, near, parts, parameters)
-        drawn |= overruled
-        high = too_high(drawn, probability, near, parameters)
-        found.high[window] |= high
-        probability[overruled] = 1
-        seen = found.probability[window]
-        np.fmax(seen, probability, out=seen)
-    return found
+    where = _with_dark_sides(stereo, terrain, standing, parameters)
+    probability = np.full(where.shape, np.nan, np.float32)
+    for tile in tiles_around(where):
+        drawn = draw(stereo, terrain, standing, tile.outer, parameters)
+        probability[tile.inner] = drawn[tile.inner_in_outer]
+    outlined = np.nan_to_num(probability) > parameters.outline_probability
+    overruled = overruled_parts(outlined, terrain, standing, parameters)
+    high = too_high(outlined | overruled, np.nan_to_num(probability), terrain, parameters)
+    probability[overruled] = 1
+    return Rocks(high, probability)
 
 
 def _with_dark_sides(

@@ -32,7 +32,7 @@ from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.rocks import network_outlines
 from rover_obstacle_detection.detection.rocks.standing import Standing
-from rover_obstacle_detection.detection.rocks.windows import Window
+from rover_obstacle_detection.detection.rocks.tiles import Window
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity

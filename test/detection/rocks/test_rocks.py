@@ -72,9 +72,10 @@ def test_network_sees_only_the_surroundings_of_what_stands_up():
     seen = np.zeros(stands.shape, bool)
     for window in draw.windows:
         seen[window] = True
-    assert seen[stands].all()
+    asked = np.isfinite(found.probability)
+    assert asked[stands].all()
+    assert seen[asked].all()
     assert seen.mean() < 0.5
-    np.testing.assert_array_equal(np.isfinite(found.probability), seen)
 
 
 def test_network_sees_nothing_of_flat_ground():
