@@ -35,6 +35,8 @@ class RockParameters:
         Share of a part's pixels that its height is averaged over.
     unmeasured_px : int
         Side of the smallest area without 3D beside what stands up that the network is asked about.
+    dark_side_px : int
+        Distance from what stands up within which it is asked about them.
     hole_share : float
         Share of the step above which a hole in an outline is filled.
     min_measured_share : float
@@ -89,6 +91,7 @@ class RockParameters:
     min_core_pixels: int = 3
     top_share: float = 0.1
     unmeasured_px: int = 9
+    dark_side_px: int = 48
     hole_share: float = 0.5
     min_measured_share: float = 0.12
     standing_share: float = 0.3

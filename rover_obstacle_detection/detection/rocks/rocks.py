@@ -105,6 +105,7 @@ def _with_dark_sides(
     areas = cv2.morphologyEx(unmeasured.view(np.uint8), cv2.MORPH_OPEN, kernel)
     # A rim of a pixel or two between both belongs to neither.
     where = cv2.dilate(areas | stands.view(np.uint8), np.ones((5, 5), np.uint8))
+    where &= cv2.dilate(stands.view(np.uint8), np.ones((2 * parameters.dark_side_px + 1,) * 2, np.uint8))
     pixels, owner, count = components(where.view(np.bool_))
     beside = np.zeros(count, np.bool_)
     beside[owner[stands.ravel()[pixels]]] = True
