@@ -43,3 +43,18 @@ def test_vertical_stripes_are_texture_and_horizontal_ones_are_not():
     stripes = np.tile(np.arange(40, dtype=np.uint8) // 2 % 2 * 40, (30, 1))
     assert not untextured(stripes, 9, 2.0)[:, 6:-6].any()
     assert untextured(np.ascontiguousarray(stripes.T), 9, 2.0).all()
+
+
+def test_texture_of_a_small_image_is_that_of_all_its_columns():
+    grey = np.full((41, 41), 100, np.uint8)
+    # Vertical lines that differ from the mean of a 9 x 9 window by 40 / 9 or 80 / 9.
+    grey[:, 1::4] = 120
+    every, odd = texture_level(grey, PARAMETERS), texture_level(grey[:, 1::2], PARAMETERS)
+    assert odd > 1.5 * every
+
+
+def test_difference_counts_between_both_neighbours_of_a_pixel():
+    ramp = np.tile(np.arange(40, dtype=np.uint8), (30, 1))
+    inner = np.s_[:, 6:-6]
+    assert not untextured(ramp, 9, 2.0)[inner].any()
+    assert untextured(ramp, 9, 2.1)[inner].all()
