@@ -137,7 +137,7 @@ class Detector:
             return None
         config = self.config
         roll_deg = config.camera_roll + (180.0 if config.upside_down else 0.0)
-        return Gravity.from_angles(config.camera_pitch, roll_deg, config.camera_height or None)
+        return Gravity.from_angles(config.camera_pitch, roll_deg)
 
 
 def _ignore(stage: str) -> None:

@@ -377,6 +377,26 @@ def test_configured_gravity_is_used_where_none_is_given():
     assert ignored.ground.up != configured.detect(view.left, view.right).ground.up
 
 
+def test_configured_gravity_of_an_upside_down_camera_points_down_in_its_images():
+    view = render(SCENE.with_(roll_deg=180.0))
+    turned = detector(
+        gravity_source='parameters', camera_pitch=44.0, camera_roll=2.0, upside_down=True
+    )
+    found = turned.detect(view.left, view.right)
+    assert found.ground.measured
+    assert found.ground.up == pytest.approx(Gravity.from_angles(44.0, 182.0).up)
+
+
+def test_border_that_the_left_image_leaves_black_is_not_judged():
+    view = render(SCENE)
+    left = view.left.copy()
+    left[:, 290:] = 0
+    found = detector(method='study').detect(left, view.right, gravity=SCENE.gravity)
+    assert not found.mask[:, 290:].any()
+    assert not found.known[:, 290:].any()
+    assert found.known[100:, 200:270].mean() > 0.5
+
+
 @both_methods
 def test_histogram_is_equalized_if_configured(method):
     scene = mast(noise=0.5)

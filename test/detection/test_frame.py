@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rover_obstacle_detection.detection.frame import Frame
@@ -68,3 +70,26 @@ def test_given_images_and_mask_are_not_changed():
     np.testing.assert_array_equal(frame.pair[0], LEFT)
     np.testing.assert_array_equal(frame.rover_mask, LEFT > 50)
     assert frame.camera is CAMERA
+
+
+TINY = StereoCamera(4, 3, 10.0, 12.0, 1.0, 0.5, 0.1, cx_right=0.5)
+
+
+def test_frame_is_mirrored_in_all_its_parts():
+    left, right = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
+    rover = np.array([[1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]], bool)
+    frame = Frame((left, right), TINY, Gravity((0.0, 0.6, -0.8), 2.0), rover)
+
+    mirrored = frame.mirrored()
+
+    # Left stays left.
+    assert mirrored.pair[0].tolist() == [[8, 9, 10, 11], [4, 5, 6, 7], [0, 1, 2, 3]]
+    assert mirrored.pair[1].tolist() == [[20, 21, 22, 23], [16, 17, 18, 19], [12, 13, 14, 15]]
+    assert mirrored.camera == replace(TINY, cy=1.5)
+    np.testing.assert_array_equal(mirrored.camera.rays()[1], -TINY.rays()[1][::-1])
+    np.testing.assert_array_equal(mirrored.camera.rays()[0], TINY.rays()[0])
+    assert mirrored.gravity == Gravity((0.0, -0.6, -0.8), 2.0)
+    assert mirrored.rover_mask is not None
+    assert mirrored.rover_mask.tolist() == rover[::-1].tolist()
+    without = Frame((left, right), TINY).mirrored()
+    assert (without.gravity, without.rover_mask) == (None, None)

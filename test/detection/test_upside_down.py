@@ -10,7 +10,6 @@ import synthetic
 from hand_made import small_detection
 
 from rover_obstacle_detection import Detector, DetectorConfig, Gravity, StereoCamera
-from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.rectification.correction import Correction, Remapping
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
@@ -33,26 +32,6 @@ TURNED = synthetic.render(SCENE.with_(roll_deg=180.0))
 TURNED_DOWN = DetectorConfig(upside_down=True)
 
 SMALL = StereoCamera(4, 3, 10.0, 12.0, 1.0, 0.5, 0.1, cx_right=0.5)
-
-
-def test_frame_is_mirrored_in_all_its_parts():
-    left, right = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
-    rover = np.array([[1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]], bool)
-    frame = Frame((left, right), SMALL, Gravity((0.0, 0.6, -0.8), 2.0), rover)
-
-    mirrored = frame.mirrored()
-
-    # Left stays left.
-    assert mirrored.pair[0].tolist() == [[8, 9, 10, 11], [4, 5, 6, 7], [0, 1, 2, 3]]
-    assert mirrored.pair[1].tolist() == [[20, 21, 22, 23], [16, 17, 18, 19], [12, 13, 14, 15]]
-    assert mirrored.camera == dataclasses.replace(SMALL, cy=1.5)
-    np.testing.assert_array_equal(mirrored.camera.rays()[1], -SMALL.rays()[1][::-1])
-    np.testing.assert_array_equal(mirrored.camera.rays()[0], SMALL.rays()[0])
-    assert mirrored.gravity == Gravity((0.0, -0.6, -0.8), 2.0)
-    assert mirrored.rover_mask is not None
-    assert mirrored.rover_mask.tolist() == rover[::-1].tolist()
-    without = Frame((left, right), SMALL).mirrored()
-    assert (without.gravity, without.rover_mask) == (None, None)
 
 
 def test_ground_plane_is_mirrored():

@@ -224,7 +224,7 @@ def _projection(info: object, side: str) -> list[float]:
     if values is None:
         msg = f'{side} camera_info has no projection matrix P'
         raise CameraError(msg)
-    matrix = np.asarray(values, dtype=np.float64).reshape(-1)
+    matrix = np.asarray(values, dtype=np.float64).ravel()
     if matrix.size != 12:
         msg = f'{side} camera_info: P has {matrix.size} numbers: expected 12'
         raise CameraError(msg)

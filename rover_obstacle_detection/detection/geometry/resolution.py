@@ -39,7 +39,7 @@ def working_camera(
 
 
 def _scale_for_step(camera: StereoCamera, ground: GroundPlane, p: ResolutionParameters) -> float:
-    least = min(math.sqrt(p.min_pixels / (camera.width * camera.height)), 1.0)
+    least = math.sqrt(p.min_pixels / (camera.width * camera.height))
     grid = camera.resized(_COLUMNS, _ROWS)
     disparity = DisparityPlane.from_ground(ground, grid).disparity(grid)
     in_range = disparity[disparity > grid.disparity_at(p.max_range_m)]
@@ -47,4 +47,4 @@ def _scale_for_step(camera: StereoCamera, ground: GroundPlane, p: ResolutionPara
         return least
     far = float(np.quantile(in_range, p.far_share)) * camera.width / grid.width
     step_px = far / camera.baseline_m * p.max_step_m
-    return min(max(p.step_px / step_px, least), 1.0)
+    return max(p.step_px / step_px, least)

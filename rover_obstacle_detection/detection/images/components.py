@@ -103,7 +103,7 @@ def top_heights(
     if not inside.size:
         return tops
     count = np.bincount(number, minlength=tops.size)
-    first = np.concatenate(([0], np.cumsum(count)))[:-1]
+    first = np.cumsum(count) - count
     # One key per pixel sorts by component, then by descending height.
     span = 1 + height.max() - height.min()
     highest = number * span + (height.max() - height)

@@ -46,7 +46,5 @@ def empty_border(
 
 def _longest_black(line: NDArray[np.uint8]) -> int:
     """Length of the longest run of zeros."""
-    if line.all():
-        return 0
     bright = np.flatnonzero(np.concatenate(([1], line, [1])))
     return int(np.diff(bright).max()) - 1

@@ -139,7 +139,8 @@ def test_difference_of_principal_points_is_the_disparity_of_infinity():
         (pair(p=[1.0] * 11), ['left camera_info', 'P has 11 numbers', 'expected 12']),
         (pair(p=[]), ['P has 0 numbers', 'expected 12']),
         (pair(right={'p': None}), ['right camera_info', 'no projection matrix']),
-        (pair(left={'width': 0}), ['left camera_info', '0 x 480']),
+        (pair(width=0), ['left camera_info: size is 0 x 480', 'positive width and height']),
+        (pair(height=0), ['left camera_info: size is 640 x 0']),
         (pair(height=-1), ['640 x -1', 'positive width and height']),
         (pair(right={'width': 320}), ['640 x 480', '320 x 480', 'the same']),
         (pair(right={'binning_x': 2}), ['binning (1, 1)', 'binning (2, 1)']),
@@ -148,7 +149,9 @@ def test_difference_of_principal_points_is_the_disparity_of_infinity():
         (pair(right={'cy': 241.0}), ['P[6] (cy)', '239.5', '241.0', 'rectified']),
         (pair(right={'p7': -48.0}), ['P[7]', '0.0', '-48.0', 'rectified']),
         (pair(right={'p1': 3.0}), ['right camera_info', 'P[1] is 3: expected 0', 'skew']),
+        (pair(right={'p8': 3.0}), ['right camera_info', 'P[8] is 3: expected 0']),
         (pair(left={'p10': 0.0}), ['left camera_info', 'P[10] is 0: expected 1']),
+        (pair(fx=0.9), ['fx is 0.9 pixels', 'field of view']),
         (pair(left={'p3': -48.0}), ['P[3] is -48.0, so the baseline is 0 m', 'left one is -48']),
         (
             pair({'roi': roi(0, 60, 320, 200)}, {'roi': roi(0, 58, 320, 200)}),
@@ -161,6 +164,19 @@ def test_invalid_calibration_is_rejected_with_the_field_name(infos, said):
     for part in said:
         assert part in message
     assert '\n' not in message
+
+
+@pytest.mark.parametrize(('missing', 'size'), [('width', '0 x 480'), ('height', '640 x 0')])
+def test_a_camera_info_without_a_size_has_none(missing, size):
+    infos = pair()
+    for info in infos:
+        delattr(info, missing)
+    assert f'left camera_info: size is {size}' in refusal(*infos)
+
+
+def test_an_image_may_be_one_pixel():
+    one = pair(width=1, height=1, fx=1.0, fy=1.0, cx=0.0, cy=0.0)
+    assert StereoCamera.from_camera_info(*one).shape == (1, 1)
 
 
 @pytest.mark.parametrize('field', ['width', 'height', 'fx', 'fy', 'baseline_m'])

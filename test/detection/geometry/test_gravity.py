@@ -36,3 +36,7 @@ def test_vertical_is_a_unit_vector_with_the_given_pitch(pitch, roll):
 def test_height_is_optional():
     assert Gravity.from_angles(46, height_m=1.2).height_m == 1.2
     assert Gravity.from_angles(46).height_m is None
+
+
+def test_a_camera_is_upright_unless_a_roll_is_given():
+    assert Gravity.from_angles(46).up[0] == 0

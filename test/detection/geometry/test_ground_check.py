@@ -101,3 +101,10 @@ def test_a_vertical_that_hides_the_ground_is_named_with_both_pitches():
 
 def test_without_ground_the_assumed_height_is_not_judged():
     assert len(warnings(plane(height_m=50.0, measured=False), known_height_m=1.0)) == 1
+
+
+@pytest.mark.parametrize(('forward', 'pitch_deg'), [(-1, 90), (1, -90)])
+def test_a_vertical_longer_than_1_by_rounding_has_a_pitch(forward, pitch_deg):
+    straight = Gravity((0.0, 0.0, forward * (1 + 1e-12)))
+    (found,) = warnings(plane(measured=False), unaided=plane(45.0), gravity=straight)
+    assert f'looks down by {pitch_deg} degrees' in found

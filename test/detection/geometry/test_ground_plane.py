@@ -56,9 +56,11 @@ def test_slope_is_the_angle_between_normal_and_vertical(pitch, slope):
     assert plane.slope_deg == pytest.approx(slope, abs=1e-3)
 
 
-def test_slope_of_level_ground_is_zero_despite_rounding():
-    up = Gravity.from_angles(46.0, 3.0).up
-    assert GroundPlane(up, 1.0, up).slope_deg == pytest.approx(0, abs=1e-5)
+@pytest.mark.parametrize(('turned', 'slope_deg'), [(1, 0), (-1, 180)])
+def test_slope_is_a_number_despite_rounding(turned, slope_deg):
+    up = np.array(Gravity.from_angles(46.0, 3.0).up) * (1 + 1e-12)
+    plane = GroundPlane(tuple(turned * up), 1.0, tuple(up))
+    assert plane.slope_deg == pytest.approx(slope_deg, abs=1e-5)
 
 
 @pytest.mark.parametrize('pitch', [-90, -30, 0, 46, 90])

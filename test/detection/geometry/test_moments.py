@@ -49,6 +49,15 @@ def test_points_on_a_line_have_no_determinant():
     assert planes_from_moments(moments_of(u, 2 * u, u, np.ones(5)), ridge=0.5).determinant[0] > 0.1
 
 
+def test_ridge_is_added_to_both_variances(points):
+    (u, v, h), weight = points
+    moments = moments_of(u, v, h, weight)
+    plain, ridged = planes_from_moments(moments), planes_from_moments(moments, ridge=0.5)
+    assert ridged.variance_u == pytest.approx(plain.variance_u + 0.5)
+    assert ridged.variance_v == pytest.approx(plain.variance_v + 0.5)
+    assert ridged.covariance == plain.covariance
+
+
 def test_without_points_the_plane_is_zero():
     nothing = np.zeros(0)
     found = planes_from_moments(moments_of(nothing, nothing, nothing, nothing))

@@ -279,3 +279,47 @@ def test_ground_at_the_top_of_the_image_is_upside_down(pitch, shift):
 def test_without_ground_nothing_is_upside_down(distance_m):
     wall = wall_disparity(distance_m, 0.0) if distance_m else np.zeros(CAMERA.shape, np.float32)
     assert not is_upside_down(noisy(wall), CAMERA, PARAMETERS)
+
+
+@pytest.mark.parametrize(('pitch', 'expected'), [(29.9, True), (30.1, False)])
+def test_limits_hold_for_a_view_turned_about_its_centre(pitch, expected):
+    # In a rolled view, both coordinates of the principal point count.
+    parameters = replace(PARAMETERS, max_pitch_deg=30.0, max_roll_deg=60.0)
+    for roll in (40.0, -40.0):
+        upright = plane_disparity(ground(pitch, 1.0, roll))
+        turned = np.ascontiguousarray(upright[::-1, ::-1])
+        assert is_upside_down(turned, CAMERA, parameters) == expected
+
+
+@pytest.mark.parametrize('roll', [0, 90, 180, -90])
+def test_known_gravity_says_where_the_view_is_lowest(roll):
+    gravity = Gravity.from_angles(25.0, roll)
+    near, low = (plane_disparity(ground(25.0, height, roll)) for height in (1.0, 1.8))
+    columns, rows = np.meshgrid(np.arange(160) - CAMERA.cx, np.arange(120) - CAMERA.cy)
+    downwards = -gravity.up[0] * columns - gravity.up[1] * rows
+    disparity = np.where(downwards > np.quantile(downwards[near > 0], 0.6), near, low)
+    found = estimated(noisy(disparity), gravity)
+    assert found.height_m == pytest.approx(1.0, rel=0.08)
+
+
+@pytest.mark.parametrize(('min_area_px2', 'is_found'), [(14.0, True), (19.6, False)])
+def test_planes_go_through_points_that_span_more_than_the_least_area(min_area_px2, is_found):
+    disparity = np.zeros(CAMERA.shape, np.float32)
+    # A triangle between two rows of 40 pixels has at most 39 / 2.
+    disparity[90:92, :40] = plane_disparity(ground(40.0, 1.0))[90:92, :40]
+    parameters = replace(PARAMETERS, min_sample_area_px2=min_area_px2)
+    plane = fit_ground_plane(disparity, CAMERA, parameters, min_disparity=0.0)
+    assert (plane is not None) == is_found
+
+
+def test_few_points_all_count_in_the_residual():
+    disparity = np.zeros(CAMERA.shape, np.float32)
+    disparity[60::10, 1::10] = plane_disparity(ground(40.0, 1.0))[60::10, 1::10]
+    rows, columns = np.nonzero(disparity)
+    odd = rows[1::2], columns[1::2]
+    exact = fit_ground_plane(disparity, CAMERA, PARAMETERS, min_disparity=0.0)
+    # Every second point stands far above the ground.
+    disparity[odd] *= 2
+    raised = fit_ground_plane(disparity, CAMERA, PARAMETERS, min_disparity=0.0)
+    assert exact.residual == pytest.approx(0, abs=0.01)
+    assert raised.residual == pytest.approx(PARAMETERS.max_deviation**2 / 2, rel=0.1)

@@ -36,6 +36,11 @@ def test_pixels_without_a_match_have_no_point():
     assert missing.sum() == 6
 
 
+def test_far_points_have_disparities_below_a_pixel():
+    points = reproject(np.full((6, 8), 0.5, np.float32), CAMERA)
+    np.testing.assert_allclose(points[..., 2], 20.0)
+
+
 def test_rays_replace_those_of_the_camera():
     generator = np.random.default_rng(0)
     x_over_z, y_over_z = generator.uniform(-1, 1, (2, 6, 8)).astype(np.float32)

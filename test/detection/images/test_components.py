@@ -126,6 +126,11 @@ def test_height_of_a_hole_is_its_mean():
     assert not high_holes(mask, height, 0.101).any()
 
 
+def test_a_hole_is_filled_above_the_limit_only():
+    mask, height = ring(2, 6, 2, 7), np.full((12, 16), 0.25, np.float32)
+    assert not high_holes(mask, height, 0.25).any()
+
+
 def test_a_gap_at_a_corner_does_not_open_a_hole():
     mask = ring(2, 6, 2, 7)
     mask[2, 2] = False

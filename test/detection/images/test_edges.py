@@ -38,6 +38,19 @@ def test_strength_of_a_ramp_is_its_slope():
     assert coarse[:, 5:-5] == pytest.approx(9, abs=0.3)
 
 
+def test_edges_across_are_as_strong_as_edges_down():
+    grey = np.random.default_rng(0).integers(0, 256, (30, 41), np.uint8)
+    transposed = edge_strength(np.ascontiguousarray(grey.T), PARAMETERS)
+    np.testing.assert_allclose(edge_strength(grey, PARAMETERS), transposed.T, rtol=1e-4)
+
+
+def test_last_row_and_column_of_odd_sizes_are_repeated():
+    grey = np.random.default_rng(0).integers(0, 256, (31, 41), np.uint8)
+    repeated = np.pad(grey, ((0, 1), (0, 1)), mode='edge')
+    expected = edge_strength(repeated, PARAMETERS)
+    np.testing.assert_array_equal(edge_strength(grey, PARAMETERS), expected)
+
+
 def test_result_does_not_depend_on_memory_alignment():
     grey = np.random.default_rng(0).integers(0, 256, (203, 317), dtype=np.uint8)
     expected = edge_strength(grey, PARAMETERS)

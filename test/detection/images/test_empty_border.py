@@ -46,6 +46,12 @@ def test_almost_black_is_not():
     assert empty_border(grey, BLOCK_PX, 0) is None
 
 
+def test_almost_black_beside_a_black_border_is_not():
+    grey = image(np.s_[:4])
+    grey[4:8] = 1
+    np.testing.assert_array_equal(found(grey), grey == 0)
+
+
 def test_a_black_post_before_a_black_border_is_not():
     grey = image(np.s_[:4], np.s_[4:, 7:9])
     np.testing.assert_array_equal(found(grey), image(np.s_[:4]) == 0)

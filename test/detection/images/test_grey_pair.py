@@ -64,6 +64,12 @@ def test_both_images_are_shifted_equally():
     assert (right == 255).all()
 
 
+def test_an_eight_bit_image_needs_no_shift():
+    left, right = grey_pair(grey(255), grey(200, np.uint16), CAMERA)
+    assert (left == 255).all()
+    assert (right == 200).all()
+
+
 def test_sixteen_bit_colour_is_shifted_too():
     image = np.full((3, 4, 3), 1600, np.uint16)
     found, _ = grey_pair(image, grey(4095, np.uint16), CAMERA)

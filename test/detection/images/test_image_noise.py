@@ -64,7 +64,7 @@ def test_fully_clipped_image_has_the_smallest_noise(level):
     assert gradient_level(image) == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize('level', [0, 255])
+@pytest.mark.parametrize('level', [0, 2, 253, 255])
 def test_clipped_parts_are_excluded(level):
     image = waves.as_image(SCENES['flat'], 4.0)
     image[:75] = level
@@ -82,6 +82,14 @@ def test_gradient_is_the_change_per_pixel_along_the_row(rise):
     # The standard deviation of normal values with this median magnitude.
     assert gradient_level(ramp) == pytest.approx(1.4826 * rise)
     assert gradient_level(np.ascontiguousarray(ramp.T)) == pytest.approx(0.1)
+
+
+def test_small_images_are_measured_at_every_column():
+    columns = np.arange(40)
+    # The neighbours of odd columns differ by 2 per column, those of even ones by 4.
+    row = np.where(columns % 2, 4 * columns, 2 * columns)
+    found = gradient_level(np.tile(row, (30, 1)).astype(np.uint8))
+    assert found == pytest.approx(1.4826 * 2)
 
 
 def test_gradient_level_is_the_standard_deviation_of_the_gradient():

@@ -55,9 +55,16 @@ def test_windows_see_beyond_their_strip(height, threads):
 
 @pytest.mark.parametrize('step', [2, 3])
 def test_strips_sample_the_same_rows_as_the_whole_image(step):
-    image = np.arange(500)
-    sample = in_strips(lambda strip: image[strip.rows][::step], 500)
+    image = np.arange(769)
+    sample = in_strips(lambda strip: image[strip.rows][::step], 769)
     np.testing.assert_array_equal(np.concatenate(sample), image[::step])
+
+
+@pytest.mark.parametrize(('height', 'count'), [(16, 2), (240, 2), (480, 4), (1080, 8)])
+def test_strips_are_even_in_number_and_about_as_high_in_every_image(height, count):
+    strips = in_strips(lambda strip: strip, height)
+    assert len(strips) == count
+    assert all(strip.padded == strip.rows for strip in strips)
 
 
 def test_strips_do_not_depend_on_the_threads():

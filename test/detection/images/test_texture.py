@@ -43,3 +43,17 @@ def test_vertical_stripes_are_texture_and_horizontal_ones_are_not():
     stripes = np.tile(np.arange(40, dtype=np.uint8) // 2 % 2 * 40, (30, 1))
     assert not untextured(stripes, 9, 2.0)[:, 6:-6].any()
     assert untextured(np.ascontiguousarray(stripes.T), 9, 2.0).all()
+
+
+def test_texture_of_a_small_image_is_that_of_all_its_pixels():
+    signs = np.random.default_rng(0).choice([-1, 1], (60, 80))
+    grey = (100 + 20 * signs).astype(np.uint8)
+    grey[::2, ::2] = 100
+    assert texture_level(grey, PARAMETERS) == pytest.approx(1.4826 * 20, rel=0.1)
+
+
+def test_difference_counts_between_both_neighbours_of_a_pixel():
+    ramp = np.tile(np.arange(40, dtype=np.uint8), (30, 1))
+    inner = np.s_[:, 6:-6]
+    assert not untextured(ramp, 9, 2.0)[inner].any()
+    assert untextured(ramp, 9, 2.1)[inner].all()

@@ -307,6 +307,12 @@ def test_post_is_an_obstacle_though_it_does_not_look_like_a_rock(width):
     assert np.count_nonzero(free) < 0.1 * np.count_nonzero(view.obstacle)
 
 
+def test_grey_and_regions_are_those_of_the_left_image():
+    found, view = detect(mast(solids=BLOCK))
+    np.testing.assert_array_equal(found.grey, view.left)
+    np.testing.assert_array_equal(found.study.grey, view.left)
+
+
 @pytest.mark.parametrize('gravity', [True, False], ids=['gravity', 'no gravity'])
 def test_obstacle_pixels_are_those_with_a_cue(gravity):
     found, _ = detect(mast(solids=BLOCK), gravity=gravity)

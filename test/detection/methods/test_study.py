@@ -10,6 +10,7 @@ from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.methods.study import match_as_study
 from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.result.cue import Cue
 
 BLOCK = (Box(0.0, 1.2, 0.3, 0.3, 0.3),)
 
@@ -75,8 +76,31 @@ def test_region_without_3d_is_judged_by_its_grey_level(level, obstacle):
     assert not found.seeds[inner].any()
     assert len(np.unique(found.regions[inner])) == 1
     assert (found.mask[inner] > 0).all() == obstacle
+    assert (found.cues[inner] == (Cue.GREY_LEVEL if obstacle else 0)).all()
     # What was neither measured nor dark is unknown, not free.
     assert (found.known[inner] == obstacle).all()
+
+
+def test_only_measured_pixels_of_a_seed_region_are_known_to_be_free():
+    found, _ = detect(mast(pitch_deg=8.0), max_range=100.0)
+    free = found.seeds & (found.mask == 0)
+    far = (found.disparity > 0) & (found.disparity < 1)
+    assert found.known[free & far].all()
+    assert (free & far).any()
+    assert not found.known[free & (found.disparity == 0)].any()
+    assert (free & (found.disparity == 0)).any()
+
+
+def test_the_rover_has_no_disparity():
+    camera = StereoCamera(160, 120, 100.0, 100.0, 79.5, 59.5, 0.4)
+    texture = np.random.default_rng(0).integers(0, 255, (120, 164), np.uint8)
+    rover = np.zeros((120, 160), bool)
+    rover[60:, 100:] = True
+    frame = Frame((texture[:, :160], texture[:, 4:]), camera, rover_mask=rover)
+    p = DetectorParameters.from_config(DetectorConfig(method='study'))
+    found = match_as_study(frame, p.stereo, p.study)
+    assert found[:60, 100:].all()
+    assert not found[rover].any()
 
 
 def test_a_grey_level_threshold_of_zero_finds_nothing():
