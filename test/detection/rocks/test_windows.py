@@ -42,6 +42,20 @@ def test_distant_pixels_have_windows_of_their_own():
     assert sum(where[window].size for window in windows) < 0.1 * where.size
 
 
+def test_window_has_two_blocks_around_that_of_the_pixel():
+    where = np.zeros((400, 410), bool)
+    where[127, 159] = True
+    assert windows_around(where) == [(slice(80, 160), slice(112, 192))]
+    where[127, 159], where[399, 409] = False, True
+    assert windows_around(where) == [(slice(352, 400), slice(368, 410))]
+
+
+def test_windows_of_which_one_holds_the_other_are_one():
+    where = np.zeros((400, 400), bool)
+    where[100:300, 104] = where[296, 100:300] = where[104, 296] = True
+    assert windows_around(where) == [(slice(64, 336), slice(64, 336))]
+
+
 def test_pixels_all_over_the_image_share_one_window():
     where = np.zeros((400, 400), bool)
     where[::30, ::30] = True
