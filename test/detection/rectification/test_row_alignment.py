@@ -51,6 +51,7 @@ def test_largest_row_shift():
     assert RowAlignment(-0.5, 0.0).most_px(CAMERA) == 0.5
     # The principal point is column 1 of 4.
     assert RowAlignment(0.5, 0.25).most_px(CAMERA) == 1.0
+    assert RowAlignment(0.5, -0.25).most_px(CAMERA) == 0.75
     assert RowAlignment(0.25, -0.5).most_px(CAMERA) == 0.75
 
 
