@@ -10,10 +10,10 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.moments import Moments, planes_from_moments
 
 MIN_WINDOW_POINTS = 3
-"""Fewest points that define a plane."""
+"""Fewest points of a window with an elevation step."""
 
 MIN_SPREAD_PX4 = 1e-6
-"""Determinant of their scatter below which they lie on a line."""
+"""Determinant of a window's scatter below which its points, or fewer than three, lie on a line."""
 
 
 def window_roughness(
@@ -84,7 +84,7 @@ def window_step(elevation_m: NDArray[np.float32], size_px: int) -> NDArray[np.fl
         normalize=False,
         borderType=cv2.BORDER_CONSTANT,
     )
-    enough = count > MIN_WINDOW_POINTS - 0.5
+    enough = count >= MIN_WINDOW_POINTS
     step = np.full(elevation_m.shape, np.nan, np.float32)
     np.subtract(highest, lowest, out=step, where=enough)
     return step
@@ -125,8 +125,7 @@ def _fit_window_planes(
         vh=_moment(data, size_px, 0, 1),
     )
     fitted = planes_from_moments(moments)
-    spans = fitted.determinant * moments.n**2 > MIN_SPREAD_PX4
-    solvable = (moments.n > MIN_WINDOW_POINTS - 0.5) & spans
+    solvable = fitted.determinant * moments.n**2 > MIN_SPREAD_PX4
     parts = fitted.rise_u, fitted.rise_v, fitted.height
     return tuple(np.where(solvable, part, 0.0) for part in parts), solvable
 

@@ -35,6 +35,11 @@ def test_correction_of_reduced_images_has_the_same_angles():
     assert found == Correction(RowAlignment(0.2, 0.01), Lenses(BENT))
 
 
+def test_correction_of_mirrored_images_has_the_opposite_rows():
+    found = Correction(RowAlignment(0.5, 0.01), Lenses(BENT)).mirrored()
+    assert found == Correction(RowAlignment(-0.5, -0.01), Lenses(BENT))
+
+
 def test_images_are_straightened():
     straight = waves.as_image(waves.texture(COLUMNS, ROWS))
     bent = waves.as_image(waves.texture(*waves.straight_left(CAMERA, COLUMNS, ROWS, BENT)))
@@ -60,12 +65,14 @@ def test_rover_mask_is_straightened_as_the_left_image_is():
 def test_pixels_matched_with_what_an_image_does_not_show():
     disparity = np.full(CAMERA.shape, 20, np.float32)
     disparity[:, 100] = 0
+    disparity[0] = 0.5
     for correction in (LEFT, RIGHT):
         unseen = correction.unseen(disparity, CAMERA)
         assert unseen.any()
         assert not unseen[60:120, 60:180].any()
         assert not unseen[disparity == 0].any()
     left = LEFT.unseen(disparity, CAMERA)
+    assert left[0, 20]
     # Row 5 of the middle column appears 84.5 (1 + 0.1 (84.5 / 150)^2) px from the axis.
     assert left[3, 120]
     assert not left[12, 120]
@@ -115,6 +122,26 @@ def test_pixels_that_the_straight_image_does_not_show_are_filled():
     assert (remapping(ROWS)[[0, -1], 120] == [0, CAMERA.height - 1]).all()
     points = remapping(np.ones((*CAMERA.shape, 3), np.float32), np.nan)
     np.testing.assert_array_equal(np.isnan(points).all(axis=-1), ~remapping.shown)
+
+
+def test_every_pixel_that_the_straight_image_shows_is_shown():
+    barrel = LensDistortion(-0.1)
+    shown = Correction(lenses=Lenses(barrel)).to_left_image(CAMERA).shown
+    places = np.stack(waves.straight_left(CAMERA, COLUMNS, ROWS, barrel), axis=-1)
+    inside = (places > (-0.49, -0.49)) & (places < (CAMERA.width - 0.51, CAMERA.height - 0.51))
+    outside = (places < (-0.51, -0.51)) | (places > (CAMERA.width - 0.49, CAMERA.height - 0.49))
+    assert shown[inside.all(axis=-1)].all()
+    assert not shown[outside.any(axis=-1)].any()
+    assert shown.any(axis=0).sum() < CAMERA.width
+
+
+def test_remapping_of_mirrored_images():
+    remapping = Correction(lenses=Lenses(LensDistortion(-0.1))).to_left_image(CAMERA)
+    image = COLUMNS + 1000 * ROWS
+    mirrored = remapping.mirrored()
+    np.testing.assert_array_equal(mirrored(image[::-1], -1), remapping(image, -1)[::-1])
+    np.testing.assert_array_equal(mirrored(image[::-1]), remapping(image)[::-1])
+    assert mirrored.pixels.dtype == np.int32
 
 
 def test_where_the_inversion_fails_regions_keep_their_own_pixel():

@@ -167,6 +167,16 @@ def test_shifts_beyond_the_largest_are_rejected(offset, kept):
         assert found == STRAIGHT
 
 
+def test_turns_count_by_their_shift_at_the_sides_of_the_image():
+    turned = RowAlignment(0.0, 0.006)
+    reduced = ReducedPair(waves.stereo_pair(CAMERA, PLANE, turned), CAMERA, 1.0)
+    side_px = 0.006 * CAMERA.width / 2
+    for limit_px, kept in ((0.9 * side_px, False), (1.1 * side_px, True)):
+        known = Correction(parameters=replace(PARAMETERS, max_row_shift_px=limit_px))
+        found = estimate_rectification(reduced, found_disparity(turned), known)
+        assert (found.correction.rows != STRAIGHT) == kept
+
+
 def test_inputs_are_not_changed():
     left, right = waves.stereo_pair(CAMERA, PLANE)
     disparity = PLANE.disparity(CAMERA)
@@ -255,7 +265,9 @@ def test_few_matches_leave_what_is_known():
     disparity[:, 100:102] = 12
     known = Correction(RowAlignment(0.5), Lenses(BENT))
     reduced = ReducedPair(bent_pair(*LENSES[0]), CAMERA, 1.0)
-    assert estimate_rectification(reduced, disparity, known) == RectificationEstimate(known)
+    found = estimate_rectification(reduced, disparity, known)
+    assert found == RectificationEstimate(known)
+    assert found.lens_gain == found.lens_change_px == 0
 
 
 def test_distortion_beyond_the_largest_is_rejected():

@@ -119,6 +119,14 @@ def test_each_lens_bends_about_its_own_principal_point():
     assert right.max_bend_px(camera) == pytest.approx(2 * 1.5**3, rel=0.01)
 
 
+@pytest.mark.parametrize('cx', [0.0, 63.0])
+@pytest.mark.parametrize('cy', [0.0, 47.0])
+def test_largest_bend_may_lie_in_any_corner(cx, cy):
+    camera = StereoCamera(64, 48, 100.0, 100.0, cx, cy, 0.1)
+    bend_px = 0.01 * np.hypot(0.63, 0.47) ** 3 * 100
+    assert Lenses(LensDistortion(0.01)).max_bend_px(camera) == pytest.approx(bend_px, rel=1e-5)
+
+
 def test_largest_bend_may_lie_between_centre_and_border():
     # r^3 - r^5 is largest at a radius of sqrt(3 / 5).
     lenses = Lenses(LensDistortion(0.01, -0.01))

@@ -82,6 +82,16 @@ def test_disparity_of_the_turn_is_removed():
     assert not found[raw == 0].any()
 
 
+def test_disparity_of_the_turn_is_removed_from_every_match_however_far():
+    turned = reduced_pair(RowAlignment(0.0, 0.006))
+    raw = Matcher()(turned.pair, STRAIGHT)
+    raw[:8], raw[8:10] = 0.5, 0
+    found = rectify(turned, lambda pair, rows: raw.copy(), ROWS_ONLY)
+    straight = raw - found.correction.rows.added_disparity(CAMERA)
+    np.testing.assert_array_equal(found.disparity, np.where(raw > 0, np.maximum(straight, 0), 0))
+    assert (found.disparity[:8] > 0.7).all()
+
+
 LENSES = [
     Lenses(LensDistortion(0.01, -0.025)),
     Lenses(right=LensDistortion(0.01, -0.025)),
@@ -143,6 +153,13 @@ def test_passes_end_when_the_lenses_settle():
         )
         calls[settled_px] = len(match.rows)
     assert calls == {0.0: 1 + PARAMETERS.max_lens_passes, 100.0: 3}
+
+
+def test_last_pass_is_not_measured_again():
+    match = Matcher()
+    single = replace(PARAMETERS, max_lens_passes=1, min_lens_gain=math.inf)
+    assert rectify(reduced_pair(lenses=LENSES[0]), match, single).correction.lenses
+    assert len(match.rows) == 2
 
 
 def test_a_blank_pair_is_not_corrected():

@@ -51,7 +51,17 @@ def test_largest_row_shift():
     assert RowAlignment(-0.5, 0.0).most_px(CAMERA) == 0.5
     # The principal point is column 1 of 4.
     assert RowAlignment(0.5, 0.25).most_px(CAMERA) == 1.0
+    assert RowAlignment(0.5, -0.25).most_px(CAMERA) == 0.75
     assert RowAlignment(0.25, -0.5).most_px(CAMERA) == 0.75
+
+
+def test_mirrored_images_are_off_by_as_many_rows_the_other_way():
+    camera = replace(CAMERA, cy=0.25)
+    alignment, columns = RowAlignment(0.5, 0.25), np.arange(4, dtype=np.float32)
+    mirrored = alignment.mirrored().rows(camera, columns)
+    np.testing.assert_array_equal(mirrored, 2 - alignment.rows(camera, columns)[::-1])
+    added = alignment.mirrored().added_disparity(replace(camera, cy=1.75))
+    np.testing.assert_array_equal(added, alignment.added_disparity(camera)[::-1])
 
 
 def test_reduced_images_are_off_by_fewer_rows():

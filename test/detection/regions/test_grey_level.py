@@ -23,6 +23,11 @@ def test_seed_regions_are_not_judged_by_their_grey_level():
     )
 
 
+def test_the_only_region_without_points_may_be_the_first():
+    is_seed = np.array([False, False, True, True])
+    assert dark_regions(GREY, REGIONS, is_seed, 50).tolist() == [False, True, False, False]
+
+
 @pytest.mark.parametrize(('limit', 'dark'), [(49.5, False), (49.6, True)])
 def test_regions_with_a_mean_below_the_threshold_are_dark(limit, dark):
     assert dark_regions(GREY, REGIONS, np.zeros(4, bool), limit)[1] == dark

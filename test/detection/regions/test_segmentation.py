@@ -144,8 +144,8 @@ def test_tiny_images_are_segmented(shape):
     assert regions.min() >= 1
 
 
-def regions_of(grey):
-    return reduced_regions(grey, RegionParameters(), ImageParameters())
+def regions_of(grey, **changes):
+    return reduced_regions(grey, RegionParameters(**changes), ImageParameters())
 
 
 def test_reduced_regions_separate_dark_and_bright_halves():
@@ -173,3 +173,29 @@ def test_bandwidth_of_reduced_regions_follows_the_texture():
 @pytest.mark.parametrize('shape', [(1, 1), (3, 50), (7, 2)])
 def test_reduced_regions_of_tiny_images(shape):
     np.testing.assert_array_equal(regions_of(np.full(shape, 90, np.uint8)), np.ones(shape))
+
+
+def test_reduced_regions_are_whole_blocks_of_pixels():
+    levels = np.random.default_rng(0).integers(0, 256, (6, 16)).astype(np.uint8)
+    image = np.kron(levels, np.ones((8, 8), np.uint8))[6:-2, 6:-2]
+    regions = regions_of(image)
+    assert image.shape == (40, 120)
+    assert regions.max() > 5
+    np.testing.assert_array_equal(regions, np.kron(regions[::4, ::4], np.ones((4, 4))))
+
+
+def test_images_smaller_than_a_block_are_reduced_to_one():
+    rows = np.repeat(np.array([[0], [0], [240]], np.uint8), 50, axis=1)
+    assert (regions_of(rows) == 1).all()
+    assert (regions_of(rows.T.copy()) == 1).all()
+
+
+@pytest.mark.parametrize(('min_size_px', 'stays'), [(1, True), (31, True), (32, False)])
+def test_smallest_region_is_given_in_pixels_of_the_full_image(min_size_px, stays):
+    image = np.full((32, 32), 60, np.uint8)
+    image[8:16, 12:20] = 240
+    regions = regions_of(image, min_region_size_px=min_size_px, mean_shift_color_radius=5)
+    smallest_px = np.bincount(regions.ravel())[1:].min()
+    # A block of the reduced image is 16 pixels.
+    assert (smallest_px == 16) == stays
+    assert smallest_px >= min_size_px or stays

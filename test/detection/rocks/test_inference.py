@@ -103,6 +103,14 @@ def test_onnx_runtime_sends_no_usage_data(model, monkeypatch):
     assert os.environ['ORT_DISABLE_TELEMETRY'] == '1'
 
 
+@needs_onnx_runtime
+@pytest.mark.parametrize(('opencv', 'expected'), [(0, 1), (1, 1), (3, 3)])
+def test_onnx_runtime_uses_as_many_threads_as_opencv_may(model, monkeypatch, opencv, expected):
+    monkeypatch.setattr(module.cv2, 'getNumThreads', lambda: opencv)
+    options = OnnxRuntimeInference(model)._session.get_session_options()
+    assert options.intra_op_num_threads == expected
+
+
 @pytest.mark.skipif(not hasattr(os, 'fork'), reason='no fork on this system')
 def test_a_forked_process_loads_the_model_again():
     done = subprocess.run([sys.executable, '-c', FORK], check=True, capture_output=True, text=True)

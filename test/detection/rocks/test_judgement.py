@@ -122,6 +122,58 @@ def test_core_needs_a_rock_that_mostly_stands_up():
     assert kept(terrain)
 
 
+@pytest.mark.parametrize(('pixels', 'expected'), [(3, True), (4, False)])
+def test_core_has_at_least_so_many_smoothed_pixels(pixels, expected):
+    # Blurred over 3 x 3 pixels, only the middle of the 3 x 5 block stays as high as the step.
+    terrain = terrain_of(0.05)
+    terrain.height_m[25:28, 36:41] = 0.12
+    assert kept(terrain, parameters=replace(PARAMETERS, min_core_pixels=pixels)) == expected
+
+
+@pytest.mark.parametrize(('share', 'expected'), [(0.25, True), (0.26, False)])
+def test_share_of_a_rock_that_stands_up(share, expected):
+    # Blurred, it stands up in 4 of 16 rows.
+    terrain = terrain_of(0.0)
+    terrain.height_m[20:23, 30:50] = 0.3
+    terrain.height_m[:20] = terrain.height_m[:, :30] = terrain.height_m[:, 50:] = np.nan
+    assert kept(terrain, parameters=replace(PARAMETERS, standing_share=share)) == expected
+
+
+@pytest.mark.parametrize(('share', 'expected'), [(0.125, True), (0.13, False)])
+def test_share_of_a_rock_that_is_measured(share, expected):
+    terrain = terrain_of(0.3)
+    terrain.height_m[20:34, 30:50] = np.nan
+    assert kept(terrain, parameters=replace(PARAMETERS, min_measured_share=share)) == expected
+
+
+AT_THE_LIMITS = RockParameters(
+    max_step_m=0.125, small_step_px=20.0, accepted_probability=0.75, possible_share=0.25
+)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'expected'),
+    [
+        ({}, True),
+        ({'small_step_px': 16.0}, False),
+        ({'accepted_probability': 0.76}, False),
+        ({'possible_share': 0.26}, False),
+        ({'max_step_m': 0.126}, False),
+    ],
+    ids=str,
+)
+def test_far_rock_at_each_limit(changes, expected):
+    # The step and the rock are 16 px high, and stereo allows for a rock in 4 of its rows.
+    terrain = terrain_of(0.03)
+    terrain.pixels_per_metre[:] = 16 / 0.125
+    terrain.noise_m[20:24] = 0.1
+    assert kept(terrain, 0.75, parameters=replace(AT_THE_LIMITS, **changes)) == expected
+
+
+def test_far_rock_may_be_a_single_pixel():
+    assert kept(terrain_of(0.03, noise_m=0.1, step_px=1.0), 0.9, drawn=np.s_[25:26, 35:36])
+
+
 def leg(height_m):
     """A lander's leg, much higher than wide in the image, on flat ground."""
     terrain = terrain_of(0.0)
@@ -132,11 +184,11 @@ def leg(height_m):
     return terrain, standing
 
 
-def overruled(terrain, standing, drawn=()):
+def overruled(terrain, standing, drawn=(), **changes):
     mask = np.zeros(SHAPE, bool)
     for part in drawn:
         mask[part] = True
-    return overruled_parts(mask, terrain, standing, PARAMETERS)
+    return overruled_parts(mask, terrain, standing, replace(PARAMETERS, **changes))
 
 
 def test_network_is_overruled_where_height_is_certain():
@@ -155,7 +207,16 @@ def test_network_is_not_overruled_where_height_is_noisy():
 
 def test_network_is_not_overruled_where_it_outlined_the_part():
     assert not overruled(*leg(0.3), drawn=[np.s_[10:50, 40:46]]).any()
-    assert overruled(*leg(0.3), drawn=[np.s_[10:30, 40:46]]).any()
+    half = [np.s_[10:30, 40:46]]
+    assert overruled(*leg(0.3), drawn=half).any()
+    assert overruled(*leg(0.3), drawn=half, drawn_share=0.51).any()
+    assert not overruled(*leg(0.3), drawn=half, drawn_share=0.5).any()
+
+
+def test_height_is_certain_from_so_many_pixels():
+    # The leg has 40 x 6 of them.
+    assert overruled(*leg(0.3), certain_pixels=240).any()
+    assert not overruled(*leg(0.3), certain_pixels=241).any()
 
 
 def test_network_is_not_overruled_for_what_is_wider_than_high():
@@ -164,7 +225,7 @@ def test_network_is_not_overruled_for_what_is_wider_than_high():
     assert not overruled(terrain, standing).any()
 
 
-@pytest.mark.parametrize(('ratio', 'upright'), [(1.5, True), (2.5, False)])
+@pytest.mark.parametrize(('ratio', 'upright'), [(1.5, True), (2.0, True), (2.5, False)])
 def test_upright_parts_are_higher_than_wide_by_the_ratio(ratio, upright):
     mask = np.zeros(SHAPE, bool)
     mask[5:25, 5:15] = True
@@ -193,3 +254,11 @@ def test_half_height_outline_reaches_only_so_far_beside_a_part():
     found = half_height_outlines(terrain, everywhere, reach_px=5)
     assert not found[10:50, 46:51].any()
     assert found[10:50, 51:60].all()
+
+
+def test_half_height_outline_is_that_of_the_parts_and_needs_no_3d_beside_them():
+    terrain, standing = leg(0.3)
+    terrain.height_m[10:50, 36:40] = np.nan
+    parts = np.where(np.arange(SHAPE[0])[:, np.newaxis] < 30, standing.parts, 0)
+    found = half_height_outlines(terrain, Standing(parts, standing.top_m), reach_px=5)
+    np.testing.assert_array_equal(found, parts > 0)

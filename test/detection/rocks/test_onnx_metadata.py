@@ -39,8 +39,8 @@ def test_all_other_fields_are_skipped():
         + varint(5 << 3 | VARINT) + varint(2**63)
         + field(2, b'producer')
         + field(7, entry('inside', 'the graph') * 50)
-        + varint(20 << 3 | FIXED32) + bytes(4)
-        + varint(21 << 3 | FIXED64) + bytes(8)
+        + varint(20 << 3 | FIXED32) + b'\xff' * 4
+        + varint(21 << 3 | FIXED64) + b'\xff' * 8
     )  # fmt: skip
     model = others + entry('features_version', '7') + others
     assert read_metadata(model) == {'features_version': '7'}

@@ -80,9 +80,9 @@ def test_threads_may_share_the_model():
             np.testing.assert_array_equal(found, right)
 
 
-@pytest.mark.parametrize('rows', [352, 376])
-def test_tall_windows_give_the_same_in_two_halves(monkeypatch, rows):
-    inputs = random_features(rows, 80)
+@pytest.mark.parametrize('shape', [(352, 80), (376, 80), (80, 352)])
+def test_tall_windows_give_the_same_in_two_halves(monkeypatch, shape):
+    inputs = random_features(*shape)
     whole = outline_model().probability(inputs)
     monkeypatch.setattr(model_module, '_MAX_ROWS', 200)
     np.testing.assert_allclose(outline_model().probability(inputs), whole, atol=1e-4)
@@ -103,16 +103,18 @@ def test_logits_of_squares_of_pixels_are_put_in_their_places(side):
     np.testing.assert_array_equal(logit, expected)
 
 
-def test_large_logits_give_zero_and_one(monkeypatch):
+def test_logits_become_probabilities(monkeypatch):
     def large(self, features, logit):
         logit[:] = -500
         logit[:8] = 500
         logit[8:16] = 0
+        logit[8:16, :20] = np.log(3)
 
     monkeypatch.setattr(OutlineModel, '_run', large)
     found = OutlineModel().probability(random_features(32, 40))
     np.testing.assert_array_equal(found[:8], 1)
-    np.testing.assert_array_equal(found[8:16], 0.5)
+    np.testing.assert_array_equal(found[8:16, 20:], 0.5)
+    np.testing.assert_allclose(found[8:16, :20], 0.75, rtol=1e-6)
     np.testing.assert_array_equal(found[16:], 0)
 
 

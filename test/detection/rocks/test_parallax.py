@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import waves
@@ -8,6 +10,7 @@ from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE
 from rover_obstacle_detection.detection.rocks.parallax import STEP_SHARES, parallax_evidence
 from rover_obstacle_detection.detection.stereo.matching import Stereo
@@ -34,6 +37,14 @@ def stereo_of(pair, disparity, noise_px, plane):
     return Stereo(frame, plane, expected_of(plane), disparity, noise_px, NOISE * 2**0.5, 8.0)
 
 
+def textured_ground():
+    """Level ground whose pair shows the same image twice, which fits at no height."""
+    expected = expected_of(GROUND)
+    image = waves.as_image(waves.texture(*np.meshgrid(np.arange(240), np.arange(180))), NOISE, 1)
+    stereo = stereo_of((image, image), expected, np.full_like(expected, 0.1), GROUND)
+    return stereo, survey(stereo, TERRAIN)
+
+
 def evidence_of(
     true_rise_px=0.0,
     matched_rise_px=0.0,
@@ -42,6 +53,7 @@ def evidence_of(
     true_steps=0.0,
     unmatched=None,
     plane=GROUND,
+    brighter=0.0,
 ):
     """Evidence for ground with a raised part, which is matched with another disparity.
 
@@ -54,7 +66,7 @@ def evidence_of(
     columns, rows = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))
     left = waves.texture(columns - expected - rise, rows, contrast=contrast)
     right = waves.texture(columns, rows, contrast=contrast)
-    pair = waves.as_image(left, NOISE, 1), waves.as_image(right, NOISE, 2)
+    pair = waves.as_image(left, NOISE, 1), waves.as_image(right + brighter, NOISE, 2)
     disparity = expected.copy()
     disparity[RAISED] += matched_rise_px
     if unmatched:
@@ -89,6 +101,44 @@ def test_rock_matched_on_the_ground_fits_best_at_its_height(steps, lean_deg):
     assert inside[steps] > 2
 
 
+@pytest.mark.parametrize('brighter', [-30.0, 30.0])
+def test_brightness_may_differ(brighter):
+    same, other = (evidence_of(4.0, 4.0, brighter=each) for each in (0.0, brighter))
+    for share in STEP_SHARES:
+        found, expected = other[share][INNER], same[share][INNER]
+        assert np.median(np.abs(found - expected)) < 0.2 * np.median(np.abs(expected))
+
+
+def test_ground_far_away_is_judged_where_its_disparity_is_less_than_a_pixel():
+    plane = GroundPlane(UP, 2.0, UP)
+    expected = expected_of(plane)
+    columns, rows = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))
+    pair = (
+        waves.as_image(waves.texture(columns - expected, rows)),
+        waves.as_image(waves.texture(columns, rows)),
+    )
+    stereo = stereo_of(pair, expected, np.full_like(expected, 0.01), plane)
+    far = (expected < 0.9) & (columns > 5)
+    assert far.any()
+    for each in parallax_evidence(stereo, survey(stereo, TERRAIN), MAX_STEP_M, EVERYWHERE)[1:]:
+        assert each[far].astype(bool).mean() > 0.5
+
+
+@pytest.mark.parametrize('offset_px', [0.0, 9.0, -9.0])
+@pytest.mark.parametrize('turn', [0.0, 0.05, -0.05])
+def test_right_image_may_be_shifted_and_turned(offset_px, turn):
+    camera = replace(CAMERA, cx_right=CAMERA.cx - offset_px)
+    rows = RowAlignment(2.0, turn)
+    plane = DisparityPlane.from_ground(GROUND, camera)
+    frame = Frame(waves.stereo_pair(camera, plane, rows, noise=NOISE), camera)
+    disparity = np.maximum(plane.disparity(camera), 0)
+    noise_px = np.full_like(disparity, 0.1)
+    stereo = Stereo(frame, GROUND, disparity, disparity, noise_px, NOISE * 2**0.5, 8.0, rows=rows)
+    found = parallax_evidence(stereo, survey(stereo, TERRAIN), MAX_STEP_M, EVERYWHERE)
+    for share, each in zip(STEP_SHARES, found[1:], strict=True):
+        assert np.median(each[INNER]) < -share
+
+
 @pytest.mark.parametrize('share', STEP_SHARES)
 def test_level_ground_does_not_fit_above_the_ground(share):
     found = evidence_of()
@@ -109,13 +159,28 @@ def test_nothing_is_known_of_what_is_as_high_as_the_camera():
         assert not each[RAISED][4:-4, 4:-4].any()
 
 
+@pytest.mark.parametrize(('height_m', 'known'), [(0.94, True), (0.96, False)])
+def test_nothing_is_known_within_a_twentieth_of_the_height_of_the_camera(height_m, known):
+    stereo, terrain = textured_ground()
+    terrain.camera_m[INNER], terrain.height_m[INNER] = 1.0, height_m
+    matched = parallax_evidence(stereo, terrain, MAX_STEP_M, EVERYWHERE)[0]
+    assert matched[61:-31, 61:-21].any() == known
+
+
+def test_evidence_is_relative_to_the_noise_of_the_image_but_at_least_a_grey_level():
+    stereo, terrain = textured_ground()
+    low, one, four = (
+        parallax_evidence(replace(stereo, grey_noise=each), terrain, MAX_STEP_M, EVERYWHERE)
+        for each in (0.2, 1.0, 4.0)
+    )
+    assert one[1:].any()
+    np.testing.assert_array_equal(low, one)
+    np.testing.assert_allclose(four, one / 16, rtol=1e-5)
+
+
 @pytest.mark.parametrize('camera_m', [0.0, 1e-6, -1.0])
 def test_nothing_is_known_of_ground_as_high_as_the_camera(camera_m):
-    expected = expected_of(GROUND)
-    noise_px = np.full_like(expected, 0.1)
-    image = waves.as_image(waves.texture(*np.meshgrid(np.arange(240), np.arange(180))), NOISE, 1)
-    stereo = stereo_of((image, image), expected, noise_px, GROUND)
-    terrain = survey(stereo, TERRAIN)
+    stereo, terrain = textured_ground()
     terrain.camera_m[INNER] = camera_m
     terrain.height_m[INNER] = -0.5
     found = parallax_evidence(stereo, terrain, MAX_STEP_M, EVERYWHERE)
@@ -133,6 +198,10 @@ def test_nothing_is_known_beyond_the_border_of_the_right_image():
         assert beyond.any()
         assert not found[share][beyond].any()
         assert found[share][100:, 60:].all()
+        # Blurred over 3 x 3 pixels, the first pixel within the border shows in the last beyond it.
+        left_of_border = raised_px - np.arange(CAMERA.width)
+        last = (left_of_border > 0) & (left_of_border < 0.9)
+        assert found[share][last].astype(bool).mean() > 0.9
 
 
 def test_nothing_is_known_without_texture():

@@ -8,7 +8,7 @@ import pytest
 from relief import PosedCamera, block, flat
 
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
-from rover_obstacle_detection.detection.rocks.rocks import outlined_rocks
+from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
@@ -64,6 +64,12 @@ def test_rock_that_is_not_outlined_is_no_obstacle():
     lower = replace(PARAMETERS, outline_probability=0.3)
     found, _ = find(ROCK, Drawing(0.4), parameters=lower)
     assert found.high.any()
+
+
+def test_pixels_that_the_network_does_not_rule_out():
+    rocks = Rocks(np.zeros((1, 4), bool), np.float32([[np.nan, 0.2, 0.25, 1]]))
+    found = rocks.possible(replace(PARAMETERS, free_probability=0.25))
+    assert found.tolist() == [[False, False, True, True]]
 
 
 def test_network_sees_only_the_surroundings_of_what_stands_up():
@@ -122,6 +128,17 @@ def test_network_is_not_shown_small_gaps(rows, expected):
     left = whole.any(axis=0).argmax()
     gap = np.s_[middle - rows // 2 : middle + rows // 2, left - 70 : left]
     _, _, seen = shadowed(gap)
+    assert seen[gap][:, 0].any() == expected
+
+
+@pytest.mark.parametrize(('rim', 'expected'), [(4, True), (5, False)])
+def test_dark_sides_may_lie_a_few_pixels_beside_what_stands_up(rim, expected):
+    _, whole = find(ROCK, Drawing(0.9))
+    middle = round(np.flatnonzero(whole.any(axis=1)).mean())
+    left = whole.any(axis=0).argmax()
+    gap = np.s_[middle - 8 : middle + 8, left - rim - 70 : left - rim]
+    _, stands, seen = shadowed(gap)
+    assert stands.any(axis=0).argmax() == left
     assert seen[gap][:, 0].any() == expected
 
 

@@ -83,6 +83,12 @@ def test_single_pixels_are_no_rock(size, stands):
     assert standing(height).parts.any() == stands
 
 
+@pytest.mark.parametrize(('columns', 'stands'), [(4, False), (5, True)])
+def test_rock_needs_three_pixels_that_stay_high_when_blurred(columns, stands):
+    assert standing(raised((slice(4, 7), slice(5, 5 + columns), 0.08))).parts.any() == stands
+    assert standing(raised((slice(4, 4 + columns), slice(5, 8), 0.08))).parts.any() == stands
+
+
 def test_separate_rocks_have_their_own_height():
     second = (slice(4, 12), slice(25, 35), 0.5)
     found = standing(raised(ROCK, second))

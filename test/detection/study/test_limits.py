@@ -43,6 +43,10 @@ def test_limits_are_parameters():
     assert exceeds(0.03, 0.0, max_roughness_m=0.02, max_step_m=0.1)
 
 
+def test_terrain_at_the_limit_is_free():
+    assert not exceeds(0.0, 0.0, elevation=0.0, max_roughness_m=0.0, max_step_m=0.0)
+
+
 def test_noise_widens_the_limits_with_the_range():
     assert exceeds(0.0, 0.02, disparity=40.0)
     assert not exceeds(0.0, 0.02, disparity=5.0)

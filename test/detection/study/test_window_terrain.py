@@ -62,14 +62,15 @@ def test_a_plane_has_no_roughness_at_any_tilt(
     assert not all_valid or known.all()
 
 
-def test_roughness_is_measured_perpendicular_to_the_plane():
+@pytest.mark.parametrize('distance_m', [2.0, 80.0])
+def test_roughness_is_measured_perpendicular_to_the_plane(distance_m):
     each = camera()
-    disparity = plane_disparity(each, (0.0, -0.8, -0.6), 2.0)
+    disparity = plane_disparity(each, (0.0, -0.8, -0.6), distance_m)
     expected = 0.01
     # The points of a chequerboard are moved along their rays, a centimetre to either side.
     rows, columns = np.mgrid[:30, :40]
     sign = np.where((rows + columns) % 2, 1, -1)
-    moved = (disparity * (1 + sign * expected / 2.0)).astype(np.float32)
+    moved = (disparity * (1 + sign * expected / distance_m)).astype(np.float32)
     roughness = window_roughness(moved, each, 5)
     np.testing.assert_allclose(roughness[4:-4, 4:-4], expected, rtol=0.05)
 
