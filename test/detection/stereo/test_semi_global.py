@@ -115,6 +115,8 @@ def test_every_mode_matches(mode):
         (100, 0, Penalties(100, 1200)),
         (0, 900, Penalties(300, 900)),
         (100, 900, Penalties(100, 900)),
+        (500, 400, Penalties(500, 501)),
+        (99_000, 99_000, Penalties(15_999, 16_000)),
     ],
 )
 def test_penalties_of_the_user_replace_the_default(p1, p2, expected):
