@@ -63,9 +63,10 @@ def test_fractional_disparity_is_found_to_a_third_of_a_pixel(disparity):
     assert np.quantile(np.abs(found[found > 0] - disparity), 0.95) < 0.35
 
 
+@pytest.mark.parametrize('mode', [0, 1, 2, 3])
 @pytest.mark.parametrize(('count', 'lowest'), [(16, 0), (32, 0), (16, 5), (16, -4)])
-def test_blind_left_border_has_no_disparity(count, lowest):
-    found = matched(shifted_pair(8), count, min_disparity_px=lowest)
+def test_blind_left_border_has_no_disparity(count, lowest, mode):
+    found = matched(shifted_pair(8), count, min_disparity_px=lowest, sgbm_mode=mode)
     border = lowest + count - 1
     assert (found[:, :border] == 0).all()
     assert_mostly(found[:, border + 1 : WIDTH - 5], 8)
@@ -100,6 +101,17 @@ def test_range_wider_than_the_image_matches_nothing(search, mode):
     fixed = semi_global_match(*shifted_pair(7), search, PENALTIES, parameters)
     assert fixed.shape == (HEIGHT, WIDTH)
     assert (fixed == (search[0] - 1) * SUBPIXELS).all()
+
+
+def test_disparity_does_not_exceed_what_16_bits_hold():
+    texture = np.random.default_rng(8).integers(0, 256, (20, 4400)).astype(np.uint8)
+    texture = cv2.blur(texture, (3, 3))
+    for disparity, found in ((2020, True), (2060, False)):
+        pair = texture[:, :2300], texture[:, disparity : disparity + 2300]
+        fixed = semi_global_match(*pair, (2000, 96), PENALTIES, StereoParameters())
+        assert fixed.min() == 1999 * SUBPIXELS
+        assert fixed.max() < 2048 * SUBPIXELS
+        assert ((fixed == disparity * SUBPIXELS).sum() > 100) == found
 
 
 @pytest.mark.parametrize('mode', [0, 1, 2, 3])
