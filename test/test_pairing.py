@@ -189,6 +189,41 @@ def test_a_small_gap_is_paired_immediately():
     assert pairing.add_right(205, 205) == Pair(200, 200, 205, 5)
 
 
+def test_a_gap_of_a_quarter_of_the_spacing_needs_no_wait():
+    pairing = StereoPairing(tolerance_ns=50)
+    pairing.add_left(0, 0)
+    pairing.add_left(100, 100)
+    assert pairing.add_right(125, 125) == Pair(100, 100, 125, 25)
+    pairing.add_left(200, 200)
+    assert pairing.add_right(226, 226) is None
+
+
+def test_a_held_pair_waits_until_the_queue_is_full():
+    pairing = StereoPairing(tolerance_ns=50, queue_size=2)
+    pairing.add_left(0, 0)
+    assert pairing.add_right(40, 40) is None
+    assert pairing.add_right(140, 140) is None
+    assert pairing.add_right(240, 240) == Pair(0, 0, 40, 40)
+
+
+@pytest.mark.parametrize(
+    ('tolerance', 'back_ns', 'dropped'),
+    [(None, SECOND, 0), (None, SECOND + 1, 1), (MS, 0, 0), (MS, 1, 1)],
+)
+def test_only_exact_stamps_may_be_out_of_order_by_up_to_a_second(tolerance, back_ns, dropped):
+    pairing = StereoPairing(tolerance)
+    pairing.add_left(5 * SECOND, None)
+    pairing.add_left(5 * SECOND - back_ns, None)
+    assert pairing.statistics.unmatched_left == dropped
+
+
+def test_a_repeated_stamp_is_no_spacing():
+    pairing = StereoPairing()
+    for stamp in (0, 0, 100):
+        pairing.add_left(stamp, None)
+    assert pairing.statistics.spacing_ns == 100
+
+
 def test_flush_returns_a_held_pair():
     pairing = StereoPairing(tolerance_ns=50)
     assert pairing.add_left(0, 'l') is None
@@ -242,7 +277,7 @@ def test_recent_gaps_forget_what_is_past():
 
 @pytest.mark.parametrize(
     ('gap_ms', 'spacing_ms', 'one_moment'),
-    [(20, 100, True), (26, 100, False), (51, 1000, False), (50, None, True)],
+    [(20, 100, True), (25, 100, True), (26, 100, False), (51, 1000, False), (50, None, True)],
 )
 def test_images_of_one_moment_are_near_in_time_and_against_the_frame_period(
     gap_ms, spacing_ms, one_moment

@@ -126,7 +126,5 @@ def image_penalties(
     """
     unit = gradient_level(grey, images) * parameters.block_size_px**2
     unit *= parameters.smoothness * (1 + parameters.noise_penalty * noise_share)
-    most = parameters.max_penalty
-    step = min(max(1, round(parameters.step_penalty * unit)), most - 1)
-    jump = min(max(round(parameters.jump_penalty * unit), step + 1), most)
-    return chosen_penalties(parameters, Penalties(step, jump))
+    step, jump = round(parameters.step_penalty * unit), round(parameters.jump_penalty * unit)
+    return chosen_penalties(parameters, Penalties(max(1, step), jump))

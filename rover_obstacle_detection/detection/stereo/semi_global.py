@@ -34,7 +34,7 @@ class Penalties:
 
 
 def chosen_penalties(parameters: StereoParameters, default: Penalties) -> Penalties:
-    """Return the penalties that the user set, or the default where they are 0."""
+    """Return the penalties that the user set, or the default where they are 0, within limits."""
     step = min(parameters.p1 or default.step, parameters.max_penalty - 1)
     jump = max(parameters.p2 or default.jump, step + 1)
     return Penalties(step, min(jump, parameters.max_penalty))
@@ -113,7 +113,6 @@ def plain_disparity(
     """
     lowest = parameters.min_disparity_px
     fixed = semi_global_match(left, right, (lowest, count), penalties, parameters)
-    fixed[:, : max(lowest + count - 1, 0)] = (lowest - 1) * SUBPIXELS
     disparity = fixed.astype(np.float32)
     disparity *= np.float32(1 / SUBPIXELS)
     disparity -= np.float32(camera.disparity_offset)

@@ -267,8 +267,6 @@ def _matches_ground(
     # Often only a few rocks are.
     box = _box(away, p.window_px // 2)
     view, expected, correlation = view.part(*box), expected[box], correlation[box]
-    if not expected.size:
-        return away
     warped = view.warped(np.maximum(expected, 0))
     on_ground = _Windows(view.left, warped, expected > 0, p.window_px).correlation()
     least = np.maximum(correlation - p.repetition_tolerance, p.agreeing_correlation)
@@ -277,10 +275,8 @@ def _matches_ground(
 
 
 def _box(mask: Mask, reach_px: int) -> tuple[slice, slice]:
-    """Rows and columns within reach of the mask; none if it is empty."""
+    """Rows and columns within reach of the mask."""
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
-    if not width:
-        return slice(0, 0), slice(0, 0)
     last_row, last_column = np.minimum(
         (top + height + reach_px, left + width + reach_px), mask.shape
     )
@@ -292,8 +288,6 @@ def _plain_areas(left: Grey, bare: Mask, least: np.float32, parameters: SupportP
     areas = np.zeros_like(bare)
     box = _box(bare, max(parameters.plain_window_px, parameters.window_px) // 2)
     bare, left = bare[box], left[box]
-    if not bare.size:
-        return areas
     core = bare & (_variance(left, parameters.plain_window_px) <= least)
     count, labels = cv2.connectedComponents(bare.astype(np.uint8), connectivity=8)
     plain = np.bincount(labels[core], minlength=count) > 0

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hand_made import small_detection
@@ -144,13 +146,15 @@ def test_an_obstacle_without_3d_and_without_a_place_has_no_points(changes):
     assert len(found.obstacles) == 1
 
 
-def test_an_obstacle_before_the_sky_has_no_foot():
+@pytest.mark.parametrize('horizon_px', [23.5, 3.0], ids=['above', 'at the horizon'])
+def test_an_obstacle_before_the_sky_has_no_foot(horizon_px):
     fields = scene()
     sky = np.s_[0:4, 20:30]
     fields['mask'][sky], fields['cues'][sky], fields['known'][sky] = 255, Cue.GREY_LEVEL, True
     fields['disparity'][sky], fields['height'][sky] = 0, np.nan
     level = GroundPlane((0.0, -1.0, 0.0), 1.0, (0.0, -1.0, 0.0))
-    found = small_detection(CAMERA, **{**fields, 'ground': level})
+    camera = replace(CAMERA, cy=horizon_px)
+    found = small_detection(camera, **{**fields, 'ground': level})
     assert len(found.obstacles) == 2
     assert len(found.obstacle_points) == 100
 
@@ -160,3 +164,73 @@ def test_unknown_pixels_get_no_position():
     fields = scene()
     fields['known'][hole] = False
     assert len(without_3d(fields, hole).obstacle_points) == 91
+
+
+def test_a_pixel_below_its_source_is_lower():
+    below = np.s_[36:40, 20:30]
+    found = without_3d(scene(), below)
+    placed = found.obstacle_points.reshape(10, 10, 5)
+    source, carried = placed[5], placed[6:]
+    rise_m = (carried[..., :3] - source[:, :3]) @ np.asarray(UP)
+    np.testing.assert_allclose(carried[..., 3], 0.2 + rise_m, atol=1e-5)
+    assert (np.diff(placed[5:, :, 3], axis=0) < -0.01).all()
+
+
+def test_points_of_obstacles_beside_each_other_are_row_by_row():
+    fields = scene(depth_m=1.5)
+    near = np.s_[30:40, 34:44]
+    fields['disparity'][near], fields['height'][near] = CAMERA.disparity_at(0.8), 0.2
+    fields['cues'][near], fields['mask'][near] = Cue.HEIGHT, 255
+    found = without_3d(fields, np.s_[33:36])
+    x, _, z = found.obstacle_points[:, :3].reshape(10, 20, 3).transpose(2, 0, 1)
+    columns = np.r_[20:30, 34:44]
+    np.testing.assert_allclose(60 * x / z + 31.5, np.tile(columns, (10, 1)), atol=1e-3)
+    np.testing.assert_allclose(z, np.tile(np.where(columns < 30, 1.5, 0.8), (10, 1)), atol=0.1)
+
+
+LEFT, BELOW, RIGHT = np.s_[2:46, 3:20], np.s_[30:46, 3:61], np.s_[2:46, 40:61]
+NOTHING, BETWEEN = np.s_[:0], np.s_[10:30, 3:61]
+
+
+@pytest.mark.parametrize(
+    ('hole', 'unknown', 'source'),
+    [
+        (LEFT, NOTHING, np.s_[2:46, 20:21]),
+        (RIGHT, NOTHING, np.s_[2:46, 39:40]),
+        (BELOW, NOTHING, np.s_[29:30, 3:61]),
+        (BELOW, BETWEEN, np.s_[9:10, 3:61]),
+    ],
+    ids=['left', 'right', 'below', 'far'],
+)
+def test_pixels_of_a_large_obstacle_have_the_range_of_its_nearest_measured_pixel(
+    hole, unknown, source
+):
+    large = np.s_[2:46, 3:61]
+    fields = scene()
+    rows, columns = np.indices(CAMERA.shape)
+    fields['disparity'] = (3 + 0.05 * rows + 0.02 * columns).astype(np.float32)
+    fields['mask'][large], fields['cues'][large] = 255, Cue.SLOPE
+    fields['height'][:], fields['known'][large] = 0, True
+    fields['known'][unknown] = False
+    found = without_3d(fields, hole)
+    ranges_m = np.full(CAMERA.shape, np.nan)
+    placed = found.known & (found.mask > 0)
+    ranges_m[placed] = np.linalg.norm(found.obstacle_points[:, :3], axis=1)
+    expected_m = np.linalg.norm(found.points[source], axis=-1)
+    np.testing.assert_allclose(
+        ranges_m[hole], np.broadcast_to(expected_m, ranges_m[hole].shape), rtol=1e-5
+    )
+
+
+def test_the_foot_is_the_lowest_pixel_on_the_ground_beside_it():
+    fields = scene(Cue.GREY_LEVEL)
+    foot, beside = np.s_[40:41, 27:28], np.s_[38:44, 24:34]
+    fields['mask'][foot], fields['cues'][foot] = 255, Cue.GREY_LEVEL
+    # The ground beside it is higher than elsewhere, and has a bump of 0.05 m there.
+    fields['disparity'][beside] /= 0.75
+    fields['height'][beside] = 0.05
+    rock = fields['mask'] > 0
+    lowest = without_3d(fields, rock).obstacle_points[-1]
+    np.testing.assert_allclose(lowest[:2] / lowest[2], [-4.5 / 60, 16.5 / 60], atol=1e-5)
+    assert lowest[:3] @ np.asarray(UP) == pytest.approx(-0.8, abs=1e-3)
+    assert lowest[3] == pytest.approx(0, abs=1e-3)

@@ -98,3 +98,9 @@ def test_hybrid_is_more_confident_of_larger_obstacles_and_cleaner_pairs():
 
 def test_logistic_function_does_not_overflow():
     assert logistic(np.array([-1000.0, 0.0, 1000.0])).tolist() == [0, 0.5, 1]
+
+
+def test_a_feature_that_is_newer_than_the_fit_has_no_weight(monkeypatch):
+    module = 'rover_obstacle_detection.detection.result.confidence.COEFFICIENTS'
+    monkeypatch.setattr(module, {'hybrid': {'intercept': 1.0}})
+    np.testing.assert_allclose(confidence(evidence(), HYBRID), logistic(np.ones(2)), rtol=1e-6)

@@ -11,6 +11,8 @@ from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
+from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, Cue
+from rover_obstacle_detection.detection.result.grid import FREE_CELL, OBSTACLE_CELL
 
 CAMERA = StereoCamera(4, 2, 10.0, 10.0, 1.0, 1.0, 0.5)
 UP = (0.0, -1.0, 0.0)
@@ -152,3 +154,53 @@ def test_products_of_the_study_are_offered_by_name():
     assert set(np.unique(found.regions)) == {1, 2}
     for name in ('regions', 'seeds', 'roughness', 'step'):
         assert getattr(found, name) is getattr(found.study, name)
+
+
+def test_text_of_a_detection_says_what_was_found():
+    assert repr(detection(warnings=('dark',))) == (
+        '<Detection 4 x 2, hybrid: 2 obstacles, 50.0% obstacle, 12.5% unknown, 1 warning>'
+    )
+
+
+def test_each_obstacle_point_has_the_kind_of_its_pixel():
+    cues = np.array([[Cue.DROP, 0, Cue.SLOPE, Cue.HEIGHT], [0, 0, Cue.GREY_LEVEL, 0]], np.uint8)
+    kinds = [KIND_NUMBERS[kind] for kind in ('drop', 'slope', 'rock', 'unmeasured')]
+    assert detection(cues=cues).obstacle_point_kinds.tolist() == kinds
+
+
+def test_disparities_below_a_pixel_are_measured():
+    far = detection(
+        disparity=np.full((2, 4), 0.5, np.float32), height=np.zeros((2, 4), np.float32)
+    )
+    np.testing.assert_allclose(far.obstacle_points[:, 2], 10.0)
+    assert len(far.ground_points) == 3
+
+
+def test_what_is_low_on_a_rock_gives_no_range_to_others():
+    mask = np.array([[0, 0, 255, 255], [0, 0, 255, 255]], np.uint8)
+    found = detection(
+        mask=mask,
+        cues=mask & np.uint8(Cue.HEIGHT),
+        known=np.ones((2, 4), bool),
+    )
+    corner = found.obstacle_points[1, :3]
+    assert corner[0] / corner[2] == pytest.approx(0.2)
+    assert np.linalg.norm(corner) == pytest.approx(np.hypot(0.2, 2.0)), (
+        'not that of the pixel below'
+    )
+
+
+def test_an_obstacle_without_3d_stands_on_the_free_pixels_beside_it():
+    plain = small_detection()
+    rock = plain.mask > 0
+    found = small_detection(disparity=np.where(rock, np.float32(0), plain.disparity))
+    # 2 m away, the free pixels lie 1.9 m below the camera, and the plane of the ground 1 m.
+    foot = found.obstacle_points[-7]
+    assert foot[2] == pytest.approx(2.0, abs=0.1)
+    assert foot[3] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_grid_has_the_obstacle_and_the_free_points():
+    cells = small_detection().grid.cells
+    assert np.count_nonzero(cells == OBSTACLE_CELL) > 3
+    assert np.count_nonzero(cells == FREE_CELL) > 10

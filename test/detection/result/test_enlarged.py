@@ -212,6 +212,13 @@ def test_rover_is_not_judged():
     assert cut.top <= rows.min() <= rows.max() < cut.top + cut.height
 
 
+def test_an_obstacle_that_the_rover_hides_has_no_pixels():
+    rover = np.zeros(TWICE.shape, bool)
+    rover[80:94, 6:20] = True
+    found = enlarged(scattered(), frame_of(TWICE, rover))
+    assert [each.pixels for each in found.obstacles] == [4 * 13 * 15, 4 * 7 * 15, 0]
+
+
 def test_pixels_of_a_distorting_lens_lie_on_the_straight_rays():
     straight = scattered(correction=PINCHED)
     judged = in_left_image(straight, frame_of(SMALL))

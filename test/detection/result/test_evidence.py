@@ -221,3 +221,15 @@ def test_features_are_in_the_order_of_their_names():
 def test_nothing_is_measured_without_obstacles():
     features = measure(np.zeros(SHAPE, np.int32)).features()
     assert features.shape == (0, len(FEATURES))
+
+
+def test_a_single_far_pixel_is_measured_like_others():
+    numbers = np.zeros(SHAPE, np.int32)
+    numbers[8, 12] = 1
+    grey = np.full(SHAPE, 100, np.uint8)
+    grey[:, 12:] = 160
+    far = np.full(SHAPE, 0.5, np.float32)
+    evidence = measure(numbers, grey=grey, disparity=far)
+    assert evidence.measured_share == pytest.approx([1])
+    assert evidence.noise_share == pytest.approx([0.02 * as_typical(far) / 0.10], rel=1e-5)
+    assert evidence.contrast[0] > 5

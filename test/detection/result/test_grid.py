@@ -12,7 +12,11 @@ from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.parameters import DetectorParameters
-from rover_obstacle_detection.detection.result.grid import obstacle_grid, unknown_grid
+from rover_obstacle_detection.detection.result.grid import (
+    mirrored_grid,
+    obstacle_grid,
+    unknown_grid,
+)
 
 UP = (0.0, -1.0, 0.0)
 LEVEL = GroundPlane(UP, 1.5, UP)
@@ -85,7 +89,9 @@ def test_cells_lie_where_their_points_are(pitch_deg, roll_deg):
         assert np.argwhere(seen.cells == 100).tolist() == [[row, column]]
 
 
-@pytest.mark.parametrize(('pitch_deg', 'roll_deg'), [(40.0, 0.0), (40.0, 20.0), (-10.0, 5.0)])
+@pytest.mark.parametrize(
+    ('pitch_deg', 'roll_deg'), [(40.0, 0.0), (40.0, 20.0), (-10.0, 5.0), (88.0, 20.0)]
+)
 def test_optical_axis_lies_above_the_grids_middle_line(pitch_deg, roll_deg):
     up = Gravity.from_angles(pitch_deg, roll_deg).up
     axes = grid_of(ground=GroundPlane(up, 1.0, up)).axes
@@ -99,8 +105,9 @@ def test_forward_is_the_top_of_the_image_of_a_camera_that_looks_straight_down():
     np.testing.assert_allclose(axes, [[0, -1, 0], [-1, 0, 0], [0, 0, -1]], atol=1e-12)
 
 
-def test_grid_is_level_at_the_ground_below_the_camera_on_a_slope():
-    slope = Gravity.from_angles(20.0).up
+@pytest.mark.parametrize('slope_deg', [20.0, 80.0])
+def test_grid_is_level_at_the_ground_below_the_camera_on_a_slope(slope_deg):
+    slope = Gravity.from_angles(slope_deg).up
     grid = grid_of(ground=GroundPlane(slope, 1.0, UP))
     below = grid.origin_m + 4 * grid.cell_m * grid.axes[1]
     np.testing.assert_allclose(below[[0, 2]], 0, atol=1e-12)
@@ -121,6 +128,24 @@ def test_unknown_grid_has_the_size_of_others():
     assert (grid.cells == -1).all()
     np.testing.assert_allclose(grid.axes, grid_of().axes)
     np.testing.assert_allclose(grid.origin_m, [2.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_mirrored_grid_has_the_same_cells_at_the_mirrored_places():
+    up = Gravity.from_angles(40.0, 20.0).up
+    plane = GroundPlane(up, 1.2, up)
+    place = centre(grid_of(ground=plane), 1, 6)
+    grid = mirrored_grid(grid_of(points(place), ground=plane))
+    np.testing.assert_allclose(grid.axes @ grid.axes.T, np.identity(3), atol=1e-9)
+    assert np.linalg.det(grid.axes) == pytest.approx(1)
+    ((row, column),) = np.argwhere(grid.cells == 100)
+    np.testing.assert_allclose(centre(grid, row, column), place * [1, -1, 1], atol=1e-9)
+    assert grid.axes[2] @ (np.asarray(up) * [1, -1, 1]) == pytest.approx(1), 'up is up'
+
+
+def test_unknown_grid_of_a_camera_upside_down_has_the_left_side_on_the_right():
+    grid = unknown_grid(0.5, 4.0, upside_down=True)
+    np.testing.assert_allclose(grid.axes, [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
+    np.testing.assert_allclose(grid.origin_m, [-2.0, 0.0, 0.0], atol=1e-12)
 
 
 def with_grid(ground_cell, **changes):

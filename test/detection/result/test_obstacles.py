@@ -176,6 +176,9 @@ def test_each_cue_makes_its_kind():
 
 
 def test_first_of_several_cues_counts_and_without_any_the_obstacle():
-    cues = np.array([[Cue.DROP | Cue.SLOPE, Cue.DROP | Cue.HEIGHT, 0, Cue.DROP, 0]], np.uint8)
-    numbers = np.array([[1, 1, 2, 0, 0]], np.int32)
-    assert pixel_kinds(cues, numbers, ['drop', 'unmeasured']).tolist() == [[2, 1, 5, 0, 0]]
+    cues = np.array(
+        [[Cue.DROP | Cue.SLOPE, Cue.DROP | Cue.HEIGHT, 0, Cue.DROP, Cue.DROP]], np.uint8
+    )
+    numbers = np.array([[1, 1, 2, 0, 3]], np.int32)
+    kinds = ['drop', 'unmeasured', 'rock']
+    assert pixel_kinds(cues, numbers, kinds).tolist() == [[2, 1, 5, 0, 3]]

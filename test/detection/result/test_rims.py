@@ -141,3 +141,28 @@ def test_pixels_without_3d_are_no_rim():
     rims = view.rims()
     assert not rims.behind.any()
     assert not rims.before.any()
+
+
+def test_a_pixel_is_at_a_rim_within_reach_of_the_body():
+    view = View()
+    view.put(np.s_[15, 10:20], 2.02, 0.32)
+    view.put(np.s_[15, 40:50], 2.02, 0.32)
+    expected = np.zeros(CAMERA.shape, bool)
+    expected[15, 17:20] = expected[15, 40:43] = True
+    np.testing.assert_array_equal(view.rims(rim_reach_px=3).before, expected)
+
+
+def test_rocks_nearer_than_a_metre_have_rims():
+    view = View()
+    view.put(np.s_[10:12, 20:40], 3.0, 0.0)
+    view.depth_m /= 4
+    assert view.rims().behind[10:12, 20:40].all()
+
+
+@pytest.mark.parametrize(('cue', 'number'), [(0, 1), (Cue.HEIGHT, 0)])
+def test_pixels_without_a_cue_or_of_no_obstacle_have_no_rim(cue, number):
+    view = View()
+    side = np.s_[10:12, 20:40]
+    view.put(side, 3.0, 0.0, np.uint8(cue))
+    view.numbers[side] = number
+    assert not view.rims().behind.any()

@@ -57,3 +57,8 @@ def test_few_points_are_kept(count):
     np.testing.assert_array_equal(
         one_per_cell(ground((0, 1))[:count], LEVEL, 0.05), np.arange(count)
     )
+
+
+def test_points_behind_the_camera_have_cells_too():
+    points = ground((0.01, -1.01), (0.01, 1.01), (-0.01, -1.01), (0.02, -1.02))
+    np.testing.assert_array_equal(one_per_cell(points, LEVEL, 0.05), [1, 2, 3])

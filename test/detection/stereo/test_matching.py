@@ -57,6 +57,17 @@ def test_ground_is_matched_and_the_bare_sky_is_not():
     np.testing.assert_array_equal(carried[10:][expected[10:] > 2], found[10:][expected[10:] > 2])
 
 
+def test_matches_without_texture_are_removed_above_the_horizon_only():
+    frame, _ = frame_of()
+    expected, whole = matched(frame, replace(PARAMETERS, sky_texture=0.0))
+    _, found = matched(frame, replace(PARAMETERS, sky_texture=1000.0))
+    assert (whole[expected <= 0] > 0).any()
+    assert not found[expected <= 0].any()
+    far = (expected > 0.2) & (expected < 1)
+    assert (whole[far] > 0).sum() > 50
+    assert (found[far] > 0).sum() > 0.9 * (whole[far] > 0).sum()
+
+
 def test_rover_is_not_matched():
     frame, _ = frame_of()
     rover = np.zeros(SCENE.camera.shape, bool)
@@ -114,8 +125,8 @@ def test_penalties_grow_with_contrast_block_noise_and_smoothness():
 
 
 def test_penalties_stay_within_what_sgbm_can_take():
-    blank = penalties_of(np.zeros((150, 200), np.uint8))
-    assert 0 < blank.step < blank.jump
+    blank = np.zeros((150, 200), np.uint8)
+    assert penalties_of(blank, smoothness=1e-6) == Penalties(1, 2)
     stripes = np.zeros((150, 200), np.uint8)
     stripes[:, ::4] = stripes[:, 1::4] = 255
     most = PARAMETERS.max_penalty

@@ -13,7 +13,7 @@ import waves
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
-from rover_obstacle_detection.detection.stereo.pair_check import check_pair
+from rover_obstacle_detection.detection.stereo.pair_check import check_pair, row_offset
 from rover_obstacle_detection.detection.stereo.parameters import SupportParameters
 from rover_obstacle_detection.detection.stereo.support import Support
 from rover_obstacle_detection.errors import UnjudgeablePairError
@@ -139,6 +139,19 @@ def test_the_image_out_of_focus_is_named(side, share):
     )
 
 
+def test_a_flat_image_is_not_out_of_focus():
+    faint = waves.as_image(90 + 0.1 * (good_pair()[1] - 90.0))
+    for pair in ((flat(90), faint), (faint, flat(90))):
+        assert 'out of focus' not in refusal(DISAGREEING, pair)
+
+
+def test_light_that_falls_off_across_an_image_is_no_blur():
+    left, right = (0.4 * image for image in good_pair())
+    pair = waves.as_image(left + np.linspace(0, 140, CAMERA.width)), waves.as_image(right)
+    for each in (pair, pair[::-1]):
+        assert 'out of focus' not in refusal(DISAGREEING, each)
+
+
 def test_both_images_out_of_focus_are_alike():
     pair = tuple(cv2.GaussianBlur(image, (0, 0), 3) for image in good_pair())
     assert 'out of focus' not in refusal(DISAGREEING, pair)
@@ -155,6 +168,14 @@ def test_rows_that_are_off_are_named(rows, where, share):
     assert found, said
     # Strips shift against each other by the disparity, so that slanted texture adds a row.
     assert int(found[1]) == pytest.approx(abs(rows), abs=2)
+
+
+@pytest.mark.parametrize(('rows', 'found'), [(10, 10), (-10, -10), (11, 0), (-11, 0), (0, 0)])
+def test_row_offsets_are_searched_up_to_a_limit(rows, found):
+    levels = np.random.default_rng(6).integers(0, 256, CAMERA.height).astype(np.uint8)
+    left = np.repeat(levels[:, np.newaxis], CAMERA.width, axis=1)
+    parameters = replace(PARAMETERS, max_row_offset_px=10)
+    assert row_offset((left, np.roll(left, rows, axis=0)), parameters) == found
 
 
 @pytest.mark.parametrize('seed', range(8))

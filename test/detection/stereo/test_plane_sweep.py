@@ -157,6 +157,8 @@ def test_images_that_agree_nowhere_change_nothing(found):
     assert best((left, other), found) is found
 
 
-def test_images_without_texture_change_nothing():
+@pytest.mark.parametrize('baseline_m', [0.12, 0.6])
+def test_images_without_texture_change_nothing(baseline_m):
     blank = np.full(CAMERA.shape, 90, np.uint8)
-    assert best((blank, blank)) is MISSING
+    # With a wide baseline, hardly a pixel of near ground is in both images.
+    assert best((blank, blank), camera=replace(CAMERA, baseline_m=baseline_m)) is MISSING

@@ -63,9 +63,10 @@ def test_fractional_disparity_is_found_to_a_third_of_a_pixel(disparity):
     assert np.quantile(np.abs(found[found > 0] - disparity), 0.95) < 0.35
 
 
+@pytest.mark.parametrize('mode', [0, 1, 2, 3])
 @pytest.mark.parametrize(('count', 'lowest'), [(16, 0), (32, 0), (16, 5), (16, -4)])
-def test_blind_left_border_has_no_disparity(count, lowest):
-    found = matched(shifted_pair(8), count, min_disparity_px=lowest)
+def test_blind_left_border_has_no_disparity(count, lowest, mode):
+    found = matched(shifted_pair(8), count, min_disparity_px=lowest, sgbm_mode=mode)
     border = lowest + count - 1
     assert (found[:, :border] == 0).all()
     assert_mostly(found[:, border + 1 : WIDTH - 5], 8)
@@ -102,6 +103,17 @@ def test_range_wider_than_the_image_matches_nothing(search, mode):
     assert (fixed == (search[0] - 1) * SUBPIXELS).all()
 
 
+def test_disparity_does_not_exceed_what_16_bits_hold():
+    texture = np.random.default_rng(8).integers(0, 256, (20, 4400)).astype(np.uint8)
+    texture = cv2.blur(texture, (3, 3))
+    for disparity, found in ((2020, True), (2060, False)):
+        pair = texture[:, :2300], texture[:, disparity : disparity + 2300]
+        fixed = semi_global_match(*pair, (2000, 96), PENALTIES, StereoParameters())
+        assert fixed.min() == 1999 * SUBPIXELS
+        assert fixed.max() < 2048 * SUBPIXELS
+        assert ((fixed == disparity * SUBPIXELS).sum() > 100) == found
+
+
 @pytest.mark.parametrize('mode', [0, 1, 2, 3])
 def test_every_mode_matches(mode):
     found = matched(shifted_pair(9), sgbm_mode=mode)
@@ -115,6 +127,8 @@ def test_every_mode_matches(mode):
         (100, 0, Penalties(100, 1200)),
         (0, 900, Penalties(300, 900)),
         (100, 900, Penalties(100, 900)),
+        (500, 400, Penalties(500, 501)),
+        (99_000, 99_000, Penalties(15_999, 16_000)),
     ],
 )
 def test_penalties_of_the_user_replace_the_default(p1, p2, expected):

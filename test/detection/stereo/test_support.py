@@ -30,13 +30,22 @@ def pair():
     return waves.stereo_pair(CAMERA, PLANE, noise=NOISE)
 
 
-def measured(images, disparity=TRUTH, expected=None, *, camera=CAMERA, rows=STRAIGHT, **fields):
+def measured(
+    images,
+    disparity=TRUTH,
+    expected=None,
+    *,
+    camera=CAMERA,
+    rows=STRAIGHT,
+    parameters=PARAMETERS,
+    **fields,
+):
     """Support of a disparity; by default, all of it is on the ground plane."""
     disparity = disparity.astype(np.float32)
     expected = disparity if expected is None else expected.astype(np.float32)
     visible = fields.get('visible', np.arange(CAMERA.width) >= TRUTH)
     noise = fields.get('noise', (NOISE, NOISE))
-    return measure_support(images, disparity, expected, camera, rows, visible, noise, PARAMETERS)
+    return measure_support(images, disparity, expected, camera, rows, visible, noise, parameters)
 
 
 def patched(images, where, values):
@@ -128,8 +137,10 @@ def test_areas_without_texture_are_plain_and_not_supported():
 def test_nothing_reaches_from_the_ground_into_the_sky():
     images = patched(pair(), PATCH, grey(PATCH, 200.0))
     assert measured(images).supported[64:68, 96:174].mean() > 0.95
-    above = np.where(np.arange(CAMERA.height)[:, np.newaxis] < 140, -1, TRUTH)
-    assert measured(images, expected=above).supported[64:68, 96:174].mean() < 0.05
+    upper = np.arange(CAMERA.height)[:, np.newaxis] < 140
+    sky, far = (np.where(upper, each, TRUTH) for each in (-1, 0.5))
+    assert measured(images, expected=sky).supported[64:68, 96:174].mean() < 0.05
+    assert measured(images, expected=far).supported[64:68, 96:174].mean() > 0.95
 
 
 def test_areas_without_a_match_are_not_plain():
@@ -166,9 +177,10 @@ def stripes(period_px, disparity_px, flecks=0.0):
     )
 
 
-def test_texture_that_repeats_supports_the_ground_plane_alone():
-    images = stripes(16, 12)
-    ground = np.full(CAMERA.shape, 12.0)
+@pytest.mark.parametrize('ground_px', [12, 1])
+def test_texture_that_repeats_supports_the_ground_plane_alone(ground_px):
+    images = stripes(16, ground_px)
+    ground = np.full(CAMERA.shape, float(ground_px))
     on_ground = measured(images, ground, ground)
     assert on_ground.supported[INNER].mean() > 0.99
     above = measured(images, ground + 16, ground)
@@ -176,6 +188,24 @@ def test_texture_that_repeats_supports_the_ground_plane_alone():
     assert not above.supported[inner].any()
     # The images agree all the same: no fault of the camera.
     assert above.agreeing_share > 0.8
+
+
+def test_texture_that_repeats_does_not_support_what_lies_behind_the_ground():
+    images = stripes(16, 17)
+    behind, ground = np.full(CAMERA.shape, 1.0), np.full(CAMERA.shape, 17.0)
+    assert not measured(images, behind, ground).supported[6:-6, 44:-6].any()
+
+
+def test_repeated_texture_of_a_single_rock_is_compared_where_the_rock_is():
+    disparity, ground = np.full(CAMERA.shape, 12.0), np.full(CAMERA.shape, 12.0)
+    # Level ground, and stripes that look the same 16 px away.
+    images = list(waves.stereo_pair(CAMERA, DisparityPlane(0, 0, 12.0), noise=NOISE))
+    for image, whole in zip(images, stripes(16, 12), strict=True):
+        image[60:130, 60:200] = whole[60:130, 60:200]
+    disparity[80:110, 110:160] += 16
+    found = measured(images, disparity, ground)
+    assert not found.supported[84:106, 114:156].any()
+    assert found.supported[6:60, 28:-6].mean() > 0.99
 
 
 def test_texture_that_nearly_repeats_supports_the_better_match():
@@ -190,6 +220,7 @@ def test_an_object_that_does_not_look_like_the_ground_behind_is_supported():
     images = stripes(16, 20)
     found = measured(images, np.full(CAMERA.shape, 20.0), np.full(CAMERA.shape, 12.0))
     assert found.supported[INNER].mean() > 0.99
+    assert found.supported[0, 28:-6].mean() > 0.95, 'up to the edge of the image'
 
 
 @pytest.mark.parametrize(('away_px', 'supported'), [(2.9, 1.0), (3.1, 0.0)])
@@ -238,6 +269,39 @@ def test_the_same_image_twice_is_the_same(noise, least):
     left = waves.as_image(pair()[0].astype(float))
     twin = waves.as_image(left.astype(float), noise, seed=6)
     assert measured((left, twin)).same_share >= least
+
+
+@pytest.mark.parametrize(('difference', 'share'), [(0, 1), (1, 1), (2, 0)])
+def test_images_that_differ_by_a_level_are_the_same(difference, share):
+    left = np.minimum(pair()[0], np.uint8(250))
+    right = left + np.uint8(difference)
+    assert measured((left, right)).same_share == share
+
+
+@pytest.mark.parametrize(('right_level', 'shows'), [(104, False), (105, True)])
+def test_texture_must_exceed_noise_by_the_signal(right_level, shows):
+    # Noise of 2 levels and a signal of twice that: a variance of 4 + 16, and 4 or 4.5 squared.
+    odd = np.indices(CAMERA.shape).sum(axis=0) % 2
+    board = np.where(odd, right_level, 96).astype(np.uint8)
+    level = np.full(CAMERA.shape, 12.0)
+    parameters = replace(PARAMETERS, min_signal=2.0, clear_signal=2.0)
+    found = measured((board, board), level, noise=(2.0, 2.0), parameters=parameters)
+    assert found.supported[INNER].mean() == shows
+    assert found.left_textured_share == found.right_textured_share == shows
+
+
+def test_plain_areas_are_those_of_the_left_image():
+    left, _ = patched(pair(), PATCH, grey(PATCH))
+    found = measured((left, pair()[1]))
+    assert found.plain[66:124, 96:174].all()
+    assert not found.plain[:54].any()
+
+
+def test_far_matches_of_less_than_a_pixel_are_supported():
+    far = DisparityPlane(0, 0, 0.6)
+    found = measured(waves.stereo_pair(CAMERA, far, noise=NOISE), far.disparity(CAMERA))
+    assert found.supported[6:-6, 6:-6].mean() > 0.99
+    assert found.agreeing_share > 0.97
 
 
 def test_areas_with_few_supported_pixels_are_sparse():

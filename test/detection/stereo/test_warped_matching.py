@@ -125,6 +125,17 @@ def test_row_shift_is_followed(residual):
     assert median_error(STRAIGHT) > 0.15
 
 
+@pytest.mark.parametrize('offset', [0.0, -5.0])
+def test_matches_reach_to_the_edges_of_the_right_image(offset):
+    camera = small_rig(offset).camera
+    plane = DisparityPlane(0.0, 0.0, 1.0)
+    found = matched(waves.stereo_pair(camera, plane), camera, plane.disparity(camera))
+    right_column = np.arange(camera.width) - 1 - offset
+    inside = (right_column >= 5) & (right_column <= 197) & (np.arange(200) < 197)
+    assert (found[8:-8, inside] > 0).mean() > 0.99
+    assert not found[:, (right_column < 0) | (right_column > 199)].any()
+
+
 COARSE_CAMERA = synthetic.pinhole(40, 30, 60.0, 0.06)
 REDUCTION = 4.0
 MARGIN_PX = PARAMETERS.search_margin_px
@@ -151,7 +162,23 @@ def test_search_covers_the_residuals_seen_coarsely_with_a_margin():
 @pytest.mark.parametrize('slope', [0.2, -0.2])
 def test_search_covers_the_larger_residuals_of_a_tilted_plane(slope):
     # The plane's disparity is subtracted where the match is, not where the pixel is.
-    assert search_for([12.0] * 100, slope)[1] > 12 * REDUCTION / (1 - slope)
+    highest = search_for([15.0] * 100, slope)[1]
+    assert highest >= 15 * REDUCTION / min(1 - slope, 1) + MARGIN_PX - 1
+
+
+def test_search_covers_the_ground_plane_itself():
+    pixels = COARSE_CAMERA.width * COARSE_CAMERA.height
+    assert search_for([2.0] * pixels)[0] == -MARGIN_PX
+    assert search_for([-1.5] * pixels) == (-1.5 * REDUCTION - MARGIN_PX, MARGIN_PX - 1)
+
+
+def test_search_covers_what_is_far():
+    # A disparity of half a pixel, below the ground plane.
+    assert search_for([-4.5] * 100)[0] == -4.5 * REDUCTION - MARGIN_PX
+    plane = DisparityPlane(0.0, 0.0, 0.5)
+    coarse = plane.disparity(COARSE_CAMERA) + np.float32(6.0)
+    lowest, count = residual_range(coarse, COARSE_CAMERA, REDUCTION, plane, PARAMETERS)
+    assert lowest + count - 1 >= 6 * REDUCTION + MARGIN_PX - 1
 
 
 def test_few_outliers_do_not_widen_the_search():
