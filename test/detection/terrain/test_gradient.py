@@ -170,6 +170,8 @@ def test_each_scale_takes_over_when_the_one_before_is_too_noisy():
         rise(information, scales_m[2]).right[inside],
         atol=0.002,
     )
+    # Where the noise is little, nothing takes over.
+    np.testing.assert_array_equal(rise(1e8, *scales_m).right, rise(1e8, scales_m[0]).right)
 
 
 def test_noise_widens_the_scale():

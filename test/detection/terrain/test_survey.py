@@ -329,6 +329,16 @@ def test_pixels_count_half_where_their_noise_is_the_relief_of_a_cell():
     )
 
 
+def test_what_rises_steeper_than_loose_ground_by_more_than_a_step_is_no_ground():
+    down = PosedCamera(pitch_deg=85.0)
+    disparity, _, y = down.look(flat)
+    points = module._points_over_plane(down.stereo(disparity), PARAMETERS)
+    # Behind the camera, level ground lies above any slope that begins under it.
+    farthest_m = PARAMETERS.max_step_m / math.tan(math.radians(PARAMETERS.repose_deg))
+    assert y.min() < -2 * farthest_m
+    np.testing.assert_array_equal(points.trust > 0, (disparity > 0) & (y > -farthest_m))
+
+
 def test_rows_with_marked_pixels():
     pixels = np.zeros((6, 4), bool)
     assert rows_with(pixels) == slice(0, 0)
