@@ -149,6 +149,17 @@ def test_nearly_steep_ground_belongs_to_the_steep_slope_it_joins():
     assert not steep_rows(0, 17, 25, 0)[:38].any()
 
 
+@pytest.mark.parametrize('missing', [0, 1])
+def test_nearly_steep_ground_counts_from_a_share_of_steep_cells_on(missing):
+    angles_deg = np.zeros((10, 30))
+    # 60 of 150 cells are too steep.
+    angles_deg[2:7], angles_deg[5:7] = 19, 25
+    angles_deg[6, 20 : 20 + missing] = 19
+    forward = np.tan(np.radians(angles_deg)).astype(np.float32)
+    found = steep_cells(Rise(0 * forward, forward, 0 * forward), ground(), PARAMETERS).found
+    np.testing.assert_array_equal(found, angles_deg > (24 if missing else 18))
+
+
 @pytest.mark.parametrize('tilt', [-15.0, 0.0, 20.0])
 def test_level_heights_are_along_the_vertical(tilt):
     plane = ground(tilt_deg=tilt)

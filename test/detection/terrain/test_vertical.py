@@ -171,7 +171,8 @@ def test_the_nearer_half_before_a_bend_counts_as_much_as_all_of_it(turn_deg, mis
     ahead = np.array([math.sin(turn), math.cos(turn)])
 
     def height(x, y):
-        return 5 + 0.1 * np.maximum(x * ahead[0] + y * ahead[1] - 1.2, 0)
+        along = x * ahead[0] + y * ahead[1]
+        return 5 + 0.02 * along + 0.08 * np.maximum(along - 1.2, 0)
 
     cells = cells_of(height)
     along = cells[:, :2] @ ahead
@@ -179,8 +180,8 @@ def test_the_nearer_half_before_a_bend_counts_as_much_as_all_of_it(turn_deg, mis
     nearer = np.count_nonzero(along < first + 0.5 * (2.0 - first))
     bend = module._Bend(turn, 2.0, 0.0, 0.1, 0.6, 0.0)
     p = VerticalParameters(min_cells=nearer + missing)
-    # The nearer half is level. If it has too few cells, the bend's own rise counts.
-    rise = 0.1 if missing else 0.05
+    # The nearer half rises by 0.02. If it has too few cells, the bend's own rise counts.
+    rise = 0.1 if missing else 0.06
     np.testing.assert_allclose(module._rises_before(bend, cells, p), rise * ahead, atol=1e-4)
 
 
