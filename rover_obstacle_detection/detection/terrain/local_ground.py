@@ -71,7 +71,7 @@ def local_ground(
     smoothing_cells = max(p.smoothing_m, p.smoothing_cells * cell_m) / cell_m
     opening_cells = max(p.opening_m, p.opening_cells * cell_m) / cell_m
     filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
-    ground = _opened(filled, present, max(3, round(opening_cells) | 1))
+    ground = _opened(filled, present, round(opening_cells) | 1)
     tolerance_m = p.ground_share * p.max_step_m
     tolerated_m = tolerance_m
     trend = local_planes(height_m, weight, trend_cells, p.trend_ridge, p)

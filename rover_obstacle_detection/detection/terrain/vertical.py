@@ -63,7 +63,7 @@ def likely_verticals(
         return [ground.up]
     thinned = cells[:: p.search_thinning if len(cells) > p.search_cells else 1]
     bend = _mean_bend(thinned, p)
-    flat_cost = _fit(thinned, None, 1.0, p)[1]
+    flat_cost = _fit(thinned, p)[1]
     best_cost = min(flat_cost, bend.min_cost)
     steps = _find_steps(thinned, p) if best_cost > p.even_cost else None
     likely = []
@@ -71,7 +71,7 @@ def likely_verticals(
         if bend.min_cost < p.max_cost_share * flat_cost and bend.angle_deg > p.min_bend_deg:
             likely.append(_rises_before(bend, cells, p))
         else:
-            likely.append(_fit(cells, None, 1.0, p)[0][1:3])
+            likely.append(_fit(cells, p)[0][1:])
     if steps and steps.cost < best_cost:
         likely.append(steps.rises)
     return [_vertical(rises, ground, p) for rises in likely]
@@ -112,7 +112,7 @@ def _rises_before(bend: _Bend, cells: Cells, p: VerticalParameters) -> NDArray[n
     first = np.quantile(turned[:, 1], p.tail_share)
     level = turned[turned[:, 1] < first + p.level_share * (bend.distance_m - first)]
     if len(level) >= p.min_cells:
-        before[1] = (before[1] + _fit(level, None, 1.0, p)[0][2]) / 2
+        before[1] = (before[1] + _fit(level, p)[0][2]) / 2
     return np.asarray(before @ _rotation(bend.turn))
 
 
@@ -243,31 +243,29 @@ def _weighted_cells(layers: Sequence[Layer], parameters: TerrainParameters) -> C
     return cells
 
 
-def _fit(
-    cells: Cells, hinge_m: float | None, width_m: float, p: VerticalParameters
-) -> tuple[NDArray[np.float64], float]:
-    """Level, rise to the right, rise forward, and further rise beyond the hinge; and its cost."""
-    hinges_m = np.array([math.inf if hinge_m is None else hinge_m])
-    solutions, costs = _fits(cells[np.newaxis], hinges_m, np.array([width_m]), p)
+def _fit(cells: Cells, p: VerticalParameters) -> tuple[NDArray[np.float64], float]:
+    """Level, rise to the right and rise forward of a plane; and its cost."""
+    plane = np.stack((np.ones(len(cells)), cells[:, 0], cells[:, 1]))
+    solutions, costs = _solve(plane[np.newaxis], cells, p)
     return solutions[0], float(costs[0])
 
 
 def _fits(
     cells: Cells, hinges_m: Cells, widths_m: Cells, p: VerticalParameters
 ) -> tuple[Cells, Cells]:
-    """Fit cells with each hinge and width, shape (n, 4) and (n,).
+    """Fit a bend with each hinge and width, shape (n, 4) and (n,).
 
-    The cells have shape (n, cells, 4), or (1, cells, 4) if all fits have the same. All have the
-    same heights and weights. A hinge at infinity fits a plane.
+    Level, rise to the right, rise forward, and further rise beyond the hinge; and the cost. The
+    cells have shape (n, cells, 4), or (1, cells, 4) if all fits have the same. All have the same
+    heights and weights.
     """
     across, forward = cells[..., 0], cells[..., 1]
     design = np.empty((len(hinges_m), 4, cells.shape[1]))
     design[:, 0], design[:, 1], design[:, 2] = 1, across, forward
-    bent = np.isfinite(hinges_m)
-    beyond = (forward - np.where(bent, hinges_m, 0)[:, np.newaxis]) / widths_m[:, np.newaxis]
+    beyond = (forward - hinges_m[:, np.newaxis]) / widths_m[:, np.newaxis]
     # softplus
     design[:, 3] = np.log1p(np.exp(-np.abs(beyond))) + np.maximum(beyond, 0)
-    design[:, 3] *= np.where(bent, widths_m, 0)[:, np.newaxis]
+    design[:, 3] *= widths_m[:, np.newaxis]
     return _solve(design, cells[0], p)
 
 

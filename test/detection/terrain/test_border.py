@@ -19,21 +19,21 @@ PARAMETERS = TerrainParameters(border_reach_m=0.12)
 CAMERA = StereoCamera(100, 50, 100.0, 100.0, 49.5, 24.5, 0.1)
 
 
-def continued(steep, measured, disparity, parameters=PARAMETERS):
+def continued(steep, measured, disparity, parameters=PARAMETERS, camera=CAMERA):
     """Continue a slope on ground with 100 pixels in a metre."""
     height_m = np.where(measured, 0, np.nan).astype(np.float32)
     even = np.zeros(CAMERA.shape, np.float32)
     terrain = Terrain(height_m, even, even, np.full(CAMERA.shape, 100, np.float32), ())
     values = np.where(measured, disparity, 0).astype(np.float32)
-    return slope_in_border(steep, terrain, values, CAMERA, parameters)
+    return slope_in_border(steep, terrain, values, camera, parameters)
 
 
-def continued_columns(steep_columns, disparity=20.0):
+def continued_columns(steep_columns, disparity=20.0, camera=CAMERA):
     """Columns of a slope beyond those that are measured, from column 20 on."""
     steep, measured = np.zeros((2, *CAMERA.shape), bool)
     measured[:, 20:] = True
     steep[:, steep_columns] = True
-    found = continued(steep, measured, disparity)
+    found = continued(steep, measured, disparity, camera=camera)
     assert (found == found[0]).all()
     return np.flatnonzero(found[0]).tolist()
 
@@ -45,6 +45,12 @@ def test_a_slope_continues_within_reach():
 def test_a_slope_does_not_continue_where_the_right_image_shows_it():
     # With a smaller disparity, the unmeasured columns are in the right image as well.
     assert continued_columns(slice(20, 60), disparity=8.0) == list(range(8, 13))
+
+
+def test_the_right_camera_may_look_elsewhere():
+    # Its centre is 3 px farther left: columns are seen 3 px farther left than the disparity says.
+    camera = replace(CAMERA, cx_right=46.5)
+    assert continued_columns(slice(20, 60), 8.0, camera) == list(range(8, 16))
 
 
 def test_a_slope_that_ends_before_the_border_does_not_continue():

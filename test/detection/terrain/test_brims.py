@@ -10,7 +10,9 @@ import pytest
 from relief import PARAMETERS, PosedCamera, bank, block, flat
 from synthetic import pinhole
 
-from rover_obstacle_detection.detection.terrain.brims import find_brims
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.terrain import brims as module
+from rover_obstacle_detection.detection.terrain.brims import Brims, Surface, find_brims
 from rover_obstacle_detection.detection.terrain.parameters import BrimParameters
 
 # As many rows as in real images: a few of them are little ground.
@@ -289,3 +291,111 @@ def test_images_of_a_few_rows_have_no_brims():
 
 def test_without_any_match_there_is_no_brim():
     assert not Found(edge(), missing=lambda x, y: y > -9).columns.size
+
+
+def surface_of(height_m, noise_px=0.0):
+    """A surface with given heights, shape (rows, columns), and 30 px of disparity everywhere."""
+    rows, columns = np.shape(height_m)
+    camera = StereoCamera(columns, rows, 20.0, 20.0, 1.0, 1.0, 0.15)
+    posed = replace(POSED, camera=camera)
+    stereo = posed.stereo(np.full((rows, columns), 30, np.float32), noise_px)
+    surface = Surface(stereo, PARAMETERS)
+    surface.height_m = np.array(height_m, np.float32)
+    return surface
+
+
+def brims_at(surface, *places, level_m=0.0):
+    """Sure brims with given rows, columns and numbers of rows in their edges."""
+    rows, columns, edge_rows = np.array(places).T
+    sure = np.ones(len(rows), bool)
+    levels_m = np.full(len(rows), level_m, np.float32)
+    return Brims(rows, columns, rows, sure, levels_m, edge_rows, surface)
+
+
+def test_an_edge_begins_in_the_blurred_rows_and_ends_with_its_ground():
+    surface = surface_of(np.zeros((20, 5)))
+    brims = brims_at(surface, (0, 0, 3), (5, 1, 3), (7, 1, 4), (18, 2, 6), (5, 3, 0))
+    expected = np.zeros((20, 5), bool)
+    expected[:4, 0] = expected[4:12, 1] = expected[17:, 2] = expected[4:6, 3] = True
+    np.testing.assert_array_equal(brims.edge(PARAMETERS.brims), expected)
+    unsure = replace(brims, sure=np.array([False, True, True, False, False]))
+    expected[:, [0, 2, 3]] = False
+    np.testing.assert_array_equal(unsure.edge(PARAMETERS.brims), expected)
+
+
+def test_what_lies_a_step_lower_above_a_brim_is_beyond_it():
+    height_m = np.full((12, 3), -0.11)
+    height_m[:, 1] = -0.09
+    height_m[4, 0] = np.nan
+    surface = surface_of(height_m)
+    # The other brims in the middle are those of a floor 5 cm higher.
+    found = np.zeros(height_m.shape, bool)
+    for brims in (
+        brims_at(surface, (8, 0, 2), (3, 1, 2)),
+        brims_at(surface, (5, 1, 2), level_m=0.05),
+    ):
+        found |= brims.beyond()
+    expected = np.zeros(height_m.shape, bool)
+    expected[:9, 0] = expected[:6, 1] = True
+    expected[4, 0] = False
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_the_nearest_brim_below_a_pixel_is_that_which_hides_it():
+    surface = surface_of(np.full((12, 1), -0.15))
+    two = brims_at(surface, (9, 0, 2), (4, 0, 2))
+    lower = replace(two, level_m=np.array([0.0, -0.15], np.float32))
+    assert np.flatnonzero(lower.beyond()).tolist() == [5, 6, 7, 8, 9]
+    assert np.flatnonzero(two.beyond()).tolist() == list(range(10))
+
+
+def test_noise_of_the_height_adds_to_the_step_below_a_brim():
+    surface = surface_of([[0.0, -1.2, 1.2, 5.0]], noise_px=0.3)
+    # 1 % of the distance, three deviations: of 1.2 m, 2.4 m and nothing below the camera.
+    np.testing.assert_allclose(
+        surface.limit_m(np.s_[:]), [[0.1 + 0.036, 0.1 + 0.072, 0.1, 0.1]], rtol=1e-5
+    )
+
+
+def test_the_nearest_matches_below_and_above_gaps():
+    nothing = np.nan
+    surface = surface_of(np.transpose([
+        [1, 2, 3, 4, 5],
+        [nothing, 2, nothing, nothing, 5],
+        [1, nothing, 3, 4, nothing],
+        [nothing] * 5,
+    ]))  # fmt: skip
+    below, above = surface.nearest()
+    assert below.rows.T.tolist() == [[0, 1, 2, 3, 4], [1, 1, 4, 4, 4], [0, 2, 2, 3, 4], [4] * 5]
+    assert above.rows.T.tolist() == [[0, 1, 2, 3, 4], [0, 1, 1, 1, 4], [0, 0, 2, 3, 3], [0] * 5]
+    for found in (below, above):
+        expected = np.take_along_axis(surface.height_m, found.rows, axis=0)
+        np.testing.assert_array_equal(found.height_m, expected)
+
+
+def test_rows_to_a_metre_follow_the_distance_along_the_ground():
+    found = Found(flat)
+    # Near the middle of the image.
+    rows, columns = np.arange(120, 200), np.full(80, COLUMNS // 2)
+    points = found.brims.surface.points(rows, columns)
+    along_m = found.y[119:201, COLUMNS // 2]
+    expected = 2 / (along_m[:-2] - along_m[2:])
+    np.testing.assert_allclose(found.brims.surface.rows_per_metre(points), expected, rtol=0.05)
+    np.testing.assert_allclose(points.sight, POSED.height_m / along_m[1:-1], rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ('columns', 'wide_columns'), [((0, 3), 6), ((1, 3), 6), ((10, 13), 8), ((38, 39), 4)]
+)
+def test_a_brim_is_as_wide_as_its_columns_and_two_more_on_either_side(columns, wide_columns):
+    surface = surface_of(np.zeros((30, 40)))
+    first, last = columns
+    across = np.arange(first, last + 1)
+    rows = np.full(across.size, 15)
+    # 30 px of disparity are 200 columns to a metre.
+    below, _ = surface.nearest()
+    for share, count in ((0.99, across.size), (1.01, 0)):
+        p = replace(PARAMETERS.brims, min_width_m=share * wide_columns / 200, min_width_share=0.0)
+        kept_rows, kept_columns = module._wide_enough(rows, across, surface, below, p)
+        assert kept_columns.tolist() == across[:count].tolist()
+        assert kept_rows.tolist() == rows[:count].tolist()

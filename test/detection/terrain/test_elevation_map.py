@@ -51,6 +51,11 @@ def test_axes_lie_in_the_plane(pitch, roll):
     assert forward @ (0, 0, 1) > 0 or abs(pitch) > 59
 
 
+@pytest.mark.parametrize('pitch', [-20.0, 46.0])
+def test_a_camera_that_does_not_roll_has_its_right_along_the_ground(pitch):
+    np.testing.assert_allclose(ground_axes(ground(pitch))[0], (1, 0, 0), atol=1e-12)
+
+
 def test_axes_of_a_level_camera():
     right, forward = ground_axes(ground(0.0))
     np.testing.assert_allclose(right, (1, 0, 0), atol=1e-12)
@@ -135,6 +140,13 @@ def test_means_are_weighted():
     np.testing.assert_allclose(mean, expected_mean, rtol=1e-6)
     np.testing.assert_allclose(weight, expected_weight, rtol=1e-6)
     assert mean.dtype == weight.dtype == np.float32
+
+
+def test_a_map_may_be_larger_than_its_pixels():
+    one = np.ones((1, 2), np.float32)
+    mean, weight = cell_means(one, one, positions([0, 1], [0, 0]))
+    np.testing.assert_array_equal(mean, [[1, 1, 0, 0], [0] * 4, [0] * 4])
+    np.testing.assert_array_equal(weight, mean)
 
 
 def test_values_without_weight_may_be_nan():

@@ -102,6 +102,48 @@ def test_noise_of_the_height_is_that_of_pixels_to_all_sides():
     np.testing.assert_allclose(beside_columns_m, beside_rows_m.T, rtol=1e-3)
 
 
+def even_map(information, ground_m=None):
+    """Level ground of 61 by 61 cells of 4 cm, each with the same information."""
+    zero, everywhere = np.zeros((61, 61), np.float32), np.ones((61, 61), bool)
+    return replace(
+        nearest_layer(flat),
+        mean_m=zero,
+        ground_m=zero if ground_m is None else ground_m,
+        noise_m=zero + np.float32(0.01),
+        information=zero + np.float32(information),
+        is_ground=everywhere,
+        seen=everywhere,
+    )
+
+
+@pytest.mark.parametrize(('scale_m', 'cells'), [(0.25, 6.25), (0.1, 2.5), (0.01, 1.0)])
+def test_noise_of_the_rise_is_that_of_a_regression_at_least_a_cell_wide(scale_m, cells):
+    parameters = replace(PARAMETERS, rise_scales_m=(scale_m,))
+    noise = ground_rise(even_map(1e5), parameters).noise[30, 30]
+    independent = 2 * math.pi * cells**2 * 1e5 / PARAMETERS.shared_pixels
+    assert noise == pytest.approx(1 / (2 * cells * 0.04 * independent**0.5), rel=0.06)
+
+
+@pytest.mark.parametrize(('scale_m', 'cells'), [(0.1, 2.5), (0.01, 1.0)])
+def test_noise_of_the_height_is_that_of_a_mean_and_a_common_part(scale_m, cells):
+    _, noise_m = ground_height(even_map(5e4), replace(PARAMETERS, drop_scale_m=scale_m))
+    independent = 4 * math.pi * cells**2 * 5e4 / PARAMETERS.shared_pixels
+    expected_m = math.hypot(independent**-0.5, PARAMETERS.common_noise_share * 0.01)
+    assert noise_m[30, 30] == pytest.approx(expected_m, rel=1e-3)
+
+
+# The ground itself is a mean at a scale of 0.08 m.
+@pytest.mark.parametrize(('scale_m', 'added_m'), [(0.1, 0.06), (0.16, 0.1386), (0.08, 0.024)])
+def test_height_is_smoothed_to_the_scale_of_drops(scale_m, added_m):
+    peak = np.zeros((61, 61), np.float32)
+    peak[30, 30] = 1
+    height_m, _ = ground_height(even_map(1e5, peak), replace(PARAMETERS, drop_scale_m=scale_m))
+    from_peak_m = (np.arange(61) - 30) * 0.04
+    for profile in (height_m.sum(axis=0), height_m.sum(axis=1)):
+        spread_m = (profile @ from_peak_m**2 / profile.sum()) ** 0.5
+        assert spread_m == pytest.approx(added_m, rel=0.03)
+
+
 def test_each_scale_takes_over_when_the_one_before_is_too_noisy():
     layer = nearest_layer(flat)
     columns = np.arange(layer.mean_m.shape[1])
@@ -128,6 +170,8 @@ def test_each_scale_takes_over_when_the_one_before_is_too_noisy():
         rise(information, scales_m[2]).right[inside],
         atol=0.002,
     )
+    # Where the noise is little, nothing takes over.
+    np.testing.assert_array_equal(rise(1e8, *scales_m).right, rise(1e8, scales_m[0]).right)
 
 
 def test_noise_widens_the_scale():

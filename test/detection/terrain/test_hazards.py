@@ -9,6 +9,7 @@ from relief import PARAMETERS, PosedCamera, bank, block, flat, tilted, together
 
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.terrain import hazards as module
 from rover_obstacle_detection.detection.terrain.elevation_map import map_positions
 from rover_obstacle_detection.detection.terrain.hazards import (
     dropping_ground,
@@ -138,8 +139,9 @@ def test_hollow_of_two_small_steps_is_possible():
     assert (dropped.possible | dropped.found)[inner].mean() > 0.6
 
 
-def test_hollow_shallower_than_relief_is_ruled_out_whatever_the_noise():
-    _, dropped, *_ = judged(block(0.0, 2.0, 0.8, -0.02), noise_px=0.3)
+@pytest.mark.parametrize('step_m', [0.1, 0.05])
+def test_hollow_shallower_than_relief_or_half_a_step_is_ruled_out_whatever_the_noise(step_m):
+    _, dropped, *_ = judged(block(0.0, 2.0, 0.8, -0.02), noise_px=0.3, max_step_m=step_m)
     assert not dropped.possible.any()
 
 
@@ -156,6 +158,15 @@ def test_pit_must_be_deeper_than_a_step_and_noise():
     pit = block(0.0, 2.0, 0.8, -0.15)
     assert surveyed(pit)[1].any()
     assert not surveyed(pit, noise_px=0.4)[1].any()
+
+
+@pytest.mark.parametrize(('radius', 'width'), [(0.2, 1), (0.9, 3), (1.2, 3), (2.0, 5), (2.4, 5)])
+def test_cells_are_dilated_by_whole_cells(radius, width):
+    one = np.zeros((15, 15), bool)
+    one[7, 7] = True
+    found = module._dilated(one, radius)
+    for middle in (found[7], found[:, 7]):
+        assert np.flatnonzero(middle).tolist() == list(range(7 - width // 2, 8 + width // 2))
 
 
 def terrain_of(height_m, noise_m, layers=()):
@@ -209,6 +220,14 @@ def test_roughness_counts_above_the_limit_and_without_noise_and_obstacles():
     assert not rough(stones, max_roughness_m=0.08).any()
     assert not rough(stones, max_roughness_m=0.05, noise_m=0.06).any()
     assert not rough(stones, max_roughness_m=0.05, rocks=np.ones((200, 200), bool)).any()
+
+
+@pytest.mark.parametrize(('noise_m', 'is_rough'), [(0.015, True), (0.024, False)])
+def test_noise_makes_no_ground_rough(noise_m, is_rough):
+    # With less noise, 0.0518 m are the ground's own; with more, 0.0484 m.
+    stones = np.where(np.indices((200, 200)).sum(0) % 2, 0.054, -0.054)
+    found = rough(stones, max_roughness_m=0.05, noise_m=noise_m)
+    assert found.all() if is_rough else not found.any()
 
 
 def test_a_single_pixel_of_a_cell_tells_how_rough_it_is():

@@ -65,3 +65,16 @@ def test_rise_is_that_of_the_smoothed_map():
     down, right = np.gradient(smooth)
     np.testing.assert_allclose(planes.rise_along_columns[inner], right[inner], atol=0.01)
     np.testing.assert_allclose(planes.rise_along_rows[inner], down[inner], atol=0.01)
+
+
+@pytest.mark.parametrize('sigma', SIGMAS)
+def test_the_ridge_is_a_share_of_the_variance_of_the_gaussian(sigma):
+    planes = planes_of(0.3 * COLUMNS, np.ones(SHAPE, np.float32), sigma, ridge=0.5)
+    middle = np.s_[25:35, 35:45]
+    np.testing.assert_allclose(planes.rise_along_columns[middle], 0.3 / 1.5, rtol=0.03)
+    np.testing.assert_allclose(planes.spread[middle], sigma, rtol=0.06)
+
+
+def test_cells_on_a_diagonal_have_no_spread():
+    planes = planes_of(0.3 * COLUMNS, (ROWS == COLUMNS).astype(np.float32), 2.5)
+    assert planes.spread[30, 30] == pytest.approx(0, abs=0.01)

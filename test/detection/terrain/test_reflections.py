@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from relief import PARAMETERS, PosedCamera, bank, block, flat
 
+from rover_obstacle_detection.detection.terrain import reflections as module
+from rover_obstacle_detection.detection.terrain.parameters import ReflectionParameters
 from rover_obstacle_detection.detection.terrain.reflections import (
     seen_through_ground,
     without_reflections,
@@ -145,3 +147,68 @@ def test_points_beyond_the_range_are_left_alone():
     found, _, _ = found_in(flat, disparity=disparity, max_range_m=3.0)
     assert puddle.any()
     assert not found.any()
+
+
+@pytest.mark.parametrize(
+    ('part', 'ground_m', 'step_m', 'margin_m', 'is_found'),
+    [
+        (0.25, 2.5, 0.1, 0.25, True),
+        (0.5, 3.0, 0.1, 0.25, True),
+        (0.75, 3.5, 0.1, 0.25, True),
+        (0.5, 2.5, 0.1, 0.25, False),
+        (0.5, 3.5, 0.1, 0.25, False),
+        # There, the sight line is half a metre below the ground, and 1 m before its point.
+        (0.5, 3.0, 0.4, 0.25, True),
+        (0.5, 3.0, 0.6, 0.25, False),
+        (0.5, 3.0, 0.1, 0.9, True),
+        (0.5, 3.0, 0.1, 1.1, False),
+    ],
+)
+def test_a_sight_line_is_checked_at_parts_of_its_way_below_the_ground(
+    part, ground_m, step_m, margin_m, is_found
+):
+    # From the mirror 2 m ahead to its point 4 m ahead, 1 m below the ground.
+    disparity, mirror = mirrored(4.0, (-0.5, 0.5), (1.97, 2.03))
+    _, _, y = looked(flat)
+    reflections = ReflectionParameters(parts=(part,), margin_m=margin_m, min_points=1)
+    shown = np.where(mirror | (abs(y - ground_m) < 0.2), disparity, 0)
+    found, _, _ = found_in(
+        flat, disparity=shown, noise_px=0.001, max_step_m=step_m, reflections=reflections
+    )
+    assert found[mirror].all() if is_found else not found.any()
+
+
+def test_cells_of_the_map_lie_ahead_of_the_camera_and_to_either_side():
+    across_m = np.array([-1.0, -1.01, 0.99, 1.0, 0, 0, 0, 0], np.float32)
+    along_m = np.array([0.6, 0.6, 0.6, 0.6, 0, -0.01, 1.99, 2.0], np.float32)
+    cell, inside = module._cells(across_m, along_m, 0.5, 4)
+    assert inside.tolist() == [True, False, True, False, True, False, True, False]
+    assert cell[inside].tolist() == [4, 7, 2, 14]
+
+
+def test_a_cell_has_the_mean_height_of_enough_level_points():
+    heights_m = np.array([0.02, 0.04, 0.03, 0.05, -0.9, 0.01], np.float32)
+    in_range = np.array([True, True, True, True, True, False])
+    even = np.ones(6, np.float32)
+    across_m = np.array([0, 0, 0, 0.5, 0.5, 0.5], np.float32)
+    points = module._Points(in_range, even, heights_m, 0.1 * even, across_m, even)
+
+    def mean_m(min_points):
+        p = ReflectionParameters(cell_m=0.5, cells=4, min_points=min_points)
+        places = np.array([0, 0.5, -0.5, 9], np.float32)
+        return module._LevelGround.mapped(points, p).height_m(places, np.ones_like(places))
+
+    np.testing.assert_allclose(mean_m(1), [0.03, 0.05, -np.inf, -np.inf], rtol=1e-6)
+    np.testing.assert_allclose(mean_m(3), [0.03, -np.inf, -np.inf, -np.inf], rtol=1e-6)
+
+
+def test_what_is_level_follows_the_noise_of_the_height():
+    height, share = POSED.height_m, np.array([1.0, 1.5, 0.5, -2.0], np.float32)
+    stereo = POSED.stereo(np.full(POSED.camera.shape, 30, np.float32), 0.3)
+    expected = stereo.expected.copy()
+    expected[0, :4] = 30 * share
+    points = module._Points.at(replace(stereo, expected=expected), np.s_[0, :4], PARAMETERS)
+    np.testing.assert_allclose(points.height_m, height * (1 - share), rtol=1e-5)
+    # 1 % of the distance, three deviations. Above the camera, distance has no effect.
+    below_m = np.maximum(height * share, 0)
+    np.testing.assert_allclose(points.limit_m, 0.1 + 3 * 0.01 * below_m, rtol=1e-5)

@@ -101,12 +101,14 @@ def test_too_noisy_rise_is_no_slope():
     assert not steep(ramp(30), ground(), noise=0.5)
 
 
+@pytest.mark.parametrize('limit', [20, 30])
 @pytest.mark.parametrize('noise_deg', [0.0, 2.0, 5.0])
-def test_slope_is_possible_within_smoothing_and_two_deviations_of_noise(noise_deg):
+def test_slope_is_possible_within_smoothing_and_two_deviations_of_noise(noise_deg, limit):
     noise = math.tan(math.radians(noise_deg))
-    below = 20 - PARAMETERS.lost_slope_deg - 2 * noise_deg
-    for angle, possible in ((below - 0.5, False), (below + 0.5, True), (25, True)):
-        cells = steep_cells(rise_of(ramp(angle), noise), ground(), PARAMETERS)
+    parameters = replace(PARAMETERS, max_slope_deg=limit)
+    below = limit - PARAMETERS.lost_slope_deg - 2 * noise_deg
+    for angle, possible in ((below - 0.5, False), (below + 0.5, True), (limit + 5, True)):
+        cells = steep_cells(rise_of(ramp(angle), noise), ground(), parameters)
         inner = cells.possible[INNER]
         assert inner.all() if possible else not inner.any(), angle
 
@@ -147,11 +149,28 @@ def test_nearly_steep_ground_belongs_to_the_steep_slope_it_joins():
     assert not steep_rows(0, 17, 25, 0)[:38].any()
 
 
+@pytest.mark.parametrize('missing', [0, 1])
+def test_nearly_steep_ground_counts_from_a_share_of_steep_cells_on(missing):
+    angles_deg = np.zeros((10, 30))
+    # 60 of 150 cells are too steep.
+    angles_deg[2:7], angles_deg[5:7] = 19, 25
+    angles_deg[6, 20 : 20 + missing] = 19
+    forward = np.tan(np.radians(angles_deg)).astype(np.float32)
+    found = steep_cells(Rise(0 * forward, forward, 0 * forward), ground(), PARAMETERS).found
+    np.testing.assert_array_equal(found, angles_deg > (24 if missing else 18))
+
+
 @pytest.mark.parametrize('tilt', [-15.0, 0.0, 20.0])
 def test_level_heights_are_along_the_vertical(tilt):
     plane = ground(tilt_deg=tilt)
     heights = level_heights(ramp(-tilt), CELL_M, plane)
     np.testing.assert_allclose(heights, 0, atol=1e-5)
+
+
+@pytest.mark.parametrize('tilt', [-15.0, 20.0])
+def test_level_heights_over_a_plane_that_rises_to_the_right(tilt):
+    plane = GroundPlane(Gravity.from_angles(0, tilt).up, 1.0, Gravity.from_angles(0).up)
+    np.testing.assert_allclose(level_heights(ramp(-tilt, 90), CELL_M, plane), 0, atol=1e-5)
 
 
 def test_foot_of_a_slope_is_no_hollow_over_a_tilted_plane():
@@ -207,6 +226,13 @@ def test_wide_valley_is_terrain():
     relief = np.zeros((80, 160))
     relief[:, 40:120] = -0.3
     assert not drops(relief)[:, 50:110].any()
+
+
+@pytest.mark.parametrize(('width_m', 'found'), [(1.8, True), (2.0, False)])
+def test_hollow_is_at_most_as_wide_as_a_parameter_says(width_m, found):
+    rows, columns = np.abs(np.mgrid[:80, :100] - np.array([39.5, 49.5])[:, None, None]) * CELL_M
+    relief = np.where(np.maximum(rows, columns) < width_m / 2, -0.3, 0)
+    assert drops(relief)[40, 50] == found
 
 
 def test_ground_that_falls_towards_unseen_ground_is_no_drop():

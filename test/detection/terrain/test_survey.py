@@ -12,6 +12,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.geometry.reprojection import reproject
+from rover_obstacle_detection.detection.terrain import survey as module
 from rover_obstacle_detection.detection.terrain.survey import (
     layer_spans,
     rows_with,
@@ -308,6 +309,34 @@ def test_noisy_pixels_count_less():
         heights.append(np.median(found.height_m[(np.hypot(x, y - 2) < 0.4) & ~spoilt]))
     assert heights[0] > 0.015
     assert abs(heights[1]) < 0.005
+
+
+def test_pixels_count_half_where_their_noise_is_the_relief_of_a_cell():
+    disparity, _, _ = POSED.look(flat)
+    noise_px = np.full_like(disparity, 1e-6)
+    noise_px[:, 100:] += PARAMETERS.cell_relief_m * disparity[:, 100:] / POSED.height_m
+    points = module._points_over_plane(POSED.stereo(disparity, noise_px), PARAMETERS)
+    seen = disparity > 0
+    np.testing.assert_allclose(points.trust[:, :100][seen[:, :100]], 1)
+    np.testing.assert_allclose(points.trust[:, 100:][seen[:, 100:]], 0.5, rtol=1e-3)
+    # Nothing is known better than to half a centimetre.
+    least = PARAMETERS.min_noise_m**2
+    np.testing.assert_allclose(points.information[:, :100][seen[:, :100]], 1 / least, rtol=1e-3)
+    np.testing.assert_allclose(
+        points.information[:, 100:][seen[:, 100:]],
+        1 / (PARAMETERS.cell_relief_m**2 + least),
+        rtol=1e-3,
+    )
+
+
+def test_what_rises_steeper_than_loose_ground_by_more_than_a_step_is_no_ground():
+    down = PosedCamera(pitch_deg=85.0)
+    disparity, _, y = down.look(flat)
+    points = module._points_over_plane(down.stereo(disparity), PARAMETERS)
+    # Behind the camera, level ground lies above any slope that begins under it.
+    farthest_m = PARAMETERS.max_step_m / math.tan(math.radians(PARAMETERS.repose_deg))
+    assert y.min() < -2 * farthest_m
+    np.testing.assert_array_equal(points.trust > 0, (disparity > 0) & (y > -farthest_m))
 
 
 def test_rows_with_marked_pixels():

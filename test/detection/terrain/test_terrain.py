@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from relief import PosedCamera, block
 
+from rover_obstacle_detection.detection.terrain.elevation_map import MapPositions
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
 
@@ -49,3 +52,20 @@ def test_each_pixel_takes_its_height_from_the_layer_of_its_distance():
         ones = np.ones_like(layer.ground_m)
         layer.fill(number, number[layer.rows][layer.own_rows] + layer.sampled(ones))
     np.testing.assert_array_equal(number, terrain.measured)
+
+
+def test_cells_that_show_half_or_more_of_something_else_are_left_out():
+    terrain, *_ = PosedCamera().survey(block(0.0, 2.0, 0.4, 0.3))
+    # Cells with 3, 3 and 2 pixels, one cell that is empty, and a pixel without 3D.
+    columns = np.array([[0, 0, 0, 1, 1, 1, 2, 2, -10]], np.float32)
+    layer = replace(
+        terrain.layers[0],
+        rows=slice(1, 2),
+        positions=MapPositions(columns, np.minimum(columns, 0), (1, 4), 0.04),
+        seen=np.array([[True, True, True, False]]),
+    )
+    excluded = np.zeros((3, 9), bool)
+    excluded[[0, 2]] = True
+    assert layer.without(excluded) is layer
+    excluded[1, [0, 1, 3, 6, 8]] = True
+    assert layer.without(excluded).seen.tolist() == [[False, True, False, False]]

@@ -10,8 +10,10 @@ from relief import PARAMETERS, PosedCamera, bank, block, flat, tilted, together
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain import vertical as module
+from rover_obstacle_detection.detection.terrain.elevation_map import MapPositions
 from rover_obstacle_detection.detection.terrain.parameters import VerticalParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
+from rover_obstacle_detection.detection.terrain.terrain import Layer
 from rover_obstacle_detection.detection.terrain.vertical import likely_verticals
 
 POSED = PosedCamera()
@@ -146,10 +148,108 @@ def test_a_fit_has_the_least_cost():
         off = cells[:, 2] - solution @ np.vstack((np.ones(len(cells)), cells[:, :2].T))
         return (cells[:, 3] * np.log1p((off / p.relief_m) ** 2)).sum()
 
-    (*plane, _), found = module._fit(cells, None, 1.0, p)
+    plane, found = module._fit(cells, p)
     assert found == pytest.approx(cost(plane), rel=1e-6)
     for change in 3e-4 * np.vstack((np.eye(3), -np.eye(3))):
         assert cost(plane + change) > found
+
+
+def test_a_bend_of_the_true_shape_fits_without_error():
+    soft = together(tilted(0.1, 0.05), bank(20, 1.0, 0.5), lambda x, y: 0.7)
+    hinges_m, widths_m = np.array([1.0, 2.0]), np.array([0.5, 0.15])
+    cells = cells_of(soft)[np.newaxis]
+    bends, costs = module._fits(cells, hinges_m, widths_m, VerticalParameters())
+    expected = [0.7, 0.1, 0.05, math.tan(math.radians(20))]
+    np.testing.assert_allclose(bends[0], expected, atol=1e-3)
+    assert costs[0] < 1e-5 < costs[1]
+
+
+@pytest.mark.parametrize('turn_deg', [0.0, 20.0])
+@pytest.mark.parametrize('missing', [0, 1])
+def test_the_nearer_half_before_a_bend_counts_as_much_as_all_of_it(turn_deg, missing):
+    turn = math.radians(turn_deg)
+    ahead = np.array([math.sin(turn), math.cos(turn)])
+
+    def height(x, y):
+        along = x * ahead[0] + y * ahead[1]
+        return 5 + 0.02 * along + 0.08 * np.maximum(along - 1.2, 0)
+
+    cells = cells_of(height)
+    along = cells[:, :2] @ ahead
+    first = np.quantile(along, 0.02)
+    nearer = np.count_nonzero(along < first + 0.5 * (2.0 - first))
+    bend = module._Bend(turn, 2.0, 0.0, 0.1, 0.6, 0.0)
+    p = VerticalParameters(min_cells=nearer + missing)
+    # The nearer half rises by 0.02. If it has too few cells, the bend's own rise counts.
+    rise = 0.1 if missing else 0.06
+    np.testing.assert_allclose(module._rises_before(bend, cells, p), rise * ahead, atol=1e-4)
+
+
+@pytest.mark.parametrize('edges', [(2.05,), (1.15, 2.05)])
+def test_as_many_steps_are_found_as_may_be(edges):
+    height = together(tilted(0.1, 0.05), terraces(1.15, step_m=0.2), terraces(2.05, step_m=0.4))
+    found = module._find_steps(cells_of(height), VerticalParameters(max_steps=len(edges)))
+    assert sorted(found.distances_m) == pytest.approx(edges, abs=0.1)
+    if len(edges) == 2:
+        np.testing.assert_allclose(found.rises, [0.1, 0.05], atol=0.01)
+
+
+def layer_of(rows, columns, cell_m, information=1e12, heights_m=None):
+    """A layer of which the cells at some rows and columns before the camera are seen."""
+    shape = max(rows) + 1, 2 * max(map(abs, columns)) + 1
+    seen = np.zeros(shape, bool)
+    at = np.array(rows) - 2, np.array(columns) + shape[1] // 2
+    seen[at] = True
+    nothing = np.zeros(shape, np.float32)
+    heights, known = nothing.copy(), nothing.copy()
+    heights[at] = np.arange(len(rows)) if heights_m is None else heights_m
+    known[at] = information
+    positions = MapPositions(nothing, nothing, shape, cell_m, -(shape[1] // 2), 2)
+    return Layer(
+        slice(0, 0), positions, seen, seen, seen, nothing, nothing, known, heights, nothing
+    )
+
+
+def test_cells_count_by_their_area_nearness_and_information():
+    near = layer_of([2, 10, 10, 20], [0, 0, 0, 0], 0.1)
+    sideways = layer_of([10, 10], [-6, 6], 0.4)
+    unsure = layer_of([16], [0], 0.4, information=100.0 / 0.2**2)
+    parameters = replace(PARAMETERS, shared_pixels=100.0)
+    cells = module._weighted_cells([near, sideways, unsure], parameters)
+    across, forward, height, weight = cells.T
+    np.testing.assert_allclose(across, [0, 0, 0, -2.4, 2.4, 0], atol=1e-9)
+    np.testing.assert_allclose(forward, [0.2, 1, 2, 4, 4, 6.4])
+    np.testing.assert_allclose(height, [0, 2, 3, 0, 1, 0])
+    assert weight.sum() == pytest.approx(1)
+    # Nearer than 0.3 m, nothing counts more. Half as much where the noise is 0.2 m.
+    far = 16 / (4**2 + 2.4**2)
+    expected = [1 / 0.3**2, 1, 1 / 4, far, far, 16 / 6.4**2 / 2]
+    np.testing.assert_allclose(weight / weight[1], expected, rtol=1e-5)
+
+
+def test_each_layer_counts_beyond_the_nearer_ones_as_far_as_the_range():
+    p = replace(PARAMETERS.vertical, range_m=2.5, nearest_m=0.5)
+    near, far = layer_of([2, 4, 8], [0, 0, 0], 0.125), layer_of([2, 4, 8, 10, 11], [0] * 5, 0.25)
+    behind = layer_of([3], [0], 0.25)
+    cells = module._weighted_cells([near, far, behind], replace(PARAMETERS, vertical=p))
+    assert cells[:, 1].tolist() == [1.0, 2.0, 2.5]
+    assert module._weighted_cells([], PARAMETERS).shape == (0, 4)
+
+
+def test_many_cells_are_thinned():
+    layer = layer_of(range(2, 32), [0] * 30, 0.1)
+    p = replace(PARAMETERS.vertical, max_cells=10)
+    forward = module._weighted_cells([layer], replace(PARAMETERS, vertical=p))[:, 1]
+    np.testing.assert_allclose(forward, np.arange(2, 32, 3) * 0.1)
+
+
+@pytest.mark.parametrize('missing', [0, 1])
+def test_the_least_number_of_cells_gives_a_vertical(missing):
+    columns = np.repeat([-3, 3], 3)
+    layer = layer_of([5, 6, 7, 5, 6, 7], columns, 0.1, heights_m=0.02 * columns)
+    p = replace(PARAMETERS.vertical, min_cells=6 + missing)
+    (found,) = likely_verticals([layer], POSED.level_ground, replace(PARAMETERS, vertical=p))
+    assert apart_deg(found, POSED.up if missing else normal_of(0.2, 0.0)) < 0.1
 
 
 def test_cells_with_little_information_hardly_count():
