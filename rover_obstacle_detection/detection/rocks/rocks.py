@@ -101,12 +101,12 @@ def _with_dark_sides(
     nearest = stereo.frame.camera.disparity_at(parameters.max_range_m)
     unmeasured = ~terrain.measured & (stereo.expected > nearest)
     kernel = np.ones((parameters.unmeasured_px, parameters.unmeasured_px), np.uint8)
-    stands = standing.parts > 0
+    stands = (standing.parts > 0).astype(np.uint8)
     areas = cv2.morphologyEx(unmeasured.view(np.uint8), cv2.MORPH_OPEN, kernel)
     # A rim of a pixel or two between both belongs to neither.
-    where = cv2.dilate(areas | stands.view(np.uint8), np.ones((5, 5), np.uint8))
-    where &= cv2.dilate(stands.view(np.uint8), np.ones((2 * parameters.dark_side_px + 1,) * 2, np.uint8))
-    pixels, owner, count = components(where.view(np.bool_))
+    where = cv2.dilate(cv2.bitwise_or(areas, stands), np.ones((5, 5), np.uint8)) > 0
+    where &= cv2.dilate(stands, np.ones((2 * parameters.dark_side_px + 1,) * 2, np.uint8)) > 0
+    pixels, owner, count = components(where)
     beside = np.zeros(count, np.bool_)
-    beside[owner[stands.ravel()[pixels]]] = True
+    beside[owner[stands.ravel()[pixels] > 0]] = True
     return marked(where.shape, pixels[beside[owner]])

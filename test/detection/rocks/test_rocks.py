@@ -10,6 +10,7 @@ from relief import PosedCamera, block, flat
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
+from rover_obstacle_detection.detection.rocks.tiles import BLOCK_PX
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
 
@@ -126,7 +127,7 @@ def test_network_is_not_shown_small_gaps(rows, expected):
     _, whole = find(ROCK, Drawing(0.9))
     middle = round(np.flatnonzero(whole.any(axis=1)).mean())
     left = whole.any(axis=0).argmax()
-    gap = np.s_[middle - rows // 2 : middle + rows // 2, left - 70 : left]
+    gap = np.s_[middle - rows // 2 : middle + rows // 2, left - 40 : left]
     _, _, seen = shadowed(gap)
     assert seen[gap][:, 0].any() == expected
 
@@ -136,10 +137,22 @@ def test_dark_sides_may_lie_a_few_pixels_beside_what_stands_up(rim, expected):
     _, whole = find(ROCK, Drawing(0.9))
     middle = round(np.flatnonzero(whole.any(axis=1)).mean())
     left = whole.any(axis=0).argmax()
-    gap = np.s_[middle - 8 : middle + 8, left - rim - 70 : left - rim]
+    gap = np.s_[middle - 8 : middle + 8, left - rim - 40 : left - rim]
     _, stands, seen = shadowed(gap)
     assert stands.any(axis=0).argmax() == left
     assert seen[gap][:, 0].any() == expected
+
+
+def test_network_is_asked_about_the_near_part_of_a_large_area_without_3d():
+    _, whole = find(ROCK, Drawing(0.9))
+    rows, columns = np.nonzero(whole)
+    row, last = round(rows.mean()), columns.max()
+    found, _, _ = shadowed(np.s_[rows.min() : rows.max(), last + 1 :])
+    asked = np.isfinite(found.probability[row])
+    reach = PARAMETERS.dark_side_px
+    assert asked[last : last + reach + 1].all()
+    assert not asked[last + reach + BLOCK_PX + 1 :].any()
+    assert asked.size > last + reach + BLOCK_PX + 1
 
 
 def test_network_does_not_see_areas_without_3d_elsewhere():
