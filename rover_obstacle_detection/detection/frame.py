@@ -25,15 +25,15 @@ class Frame:
         Of the images' size.
     gravity : Gravity, optional
         The vertical, where it is known.
-    rover_mask : ndarray of bool, shape (height, width), optional
-        Pixels of the left image that show the rover or, left empty by the rectification, nothing:
-        never matched, never judged.
+    excluded : ndarray of bool, shape (height, width), optional
+        Pixels of the left image that are never judged: they show the rover, were left empty by the
+        rectification or, after matching, lie out of range.
     """
 
     pair: GreyPair
     camera: StereoCamera
     gravity: Gravity | None = None
-    rover_mask: NDArray[np.bool_] | None = None
+    excluded: NDArray[np.bool_] | None = None
 
     def mirrored(self) -> Frame:
         """Reverse the rows: what an upside-down camera sees becomes upright.
@@ -43,7 +43,7 @@ class Frame:
         and exchanging them would give the view of the right camera instead.
         """
         left, right = (np.ascontiguousarray(image[::-1]) for image in self.pair)
-        mask = self.rover_mask
+        mask = self.excluded
         return Frame(
             (left, right),
             self.camera.mirrored(),
@@ -66,8 +66,8 @@ class Frame:
             np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
             for image in self.pair
         )
-        mask = self.rover_mask
+        mask = self.excluded
         if mask is not None:
             share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
             mask = np.asarray(share > 0.5)
-        return replace(self, pair=(left, right), camera=camera, rover_mask=mask)
+        return replace(self, pair=(left, right), camera=camera, excluded=mask)

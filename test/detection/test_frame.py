@@ -43,7 +43,7 @@ def test_rover_is_what_is_more_than_half_rover():
     mask[:2, 2] = True  # half of the second pixel
     mask[2:, 4:] = True
     mask[2, 4] = False  # three quarters of the last
-    found = Frame((LEFT, LEFT), CAMERA, rover_mask=mask).resized(HALF).rover_mask
+    found = Frame((LEFT, LEFT), CAMERA, excluded=mask).resized(HALF).excluded
     assert found.dtype == np.bool_
     np.testing.assert_array_equal(found, [[True, False, False], [False, False, True]])
 
@@ -52,11 +52,11 @@ def test_gravity_is_kept():
     gravity = Gravity.from_angles(30.0, 2.0, 0.8)
     frame = Frame((LEFT, LEFT), CAMERA, gravity)
     assert frame.resized(HALF).gravity is gravity
-    assert frame.resized(HALF).rover_mask is None
+    assert frame.resized(HALF).excluded is None
 
 
 def test_a_frame_of_that_size_stays_as_it_is():
-    frame = Frame((LEFT, LEFT), CAMERA, rover_mask=LEFT > 50)
+    frame = Frame((LEFT, LEFT), CAMERA, excluded=LEFT > 50)
     assert frame.resized(CAMERA) is frame
     assert frame.resized(CAMERA.resized(6, 4)) is frame
 
@@ -65,10 +65,10 @@ def test_given_images_and_mask_are_not_changed():
     left, mask = LEFT.copy(), LEFT > 50
     for each in (left, mask):
         each.flags.writeable = False
-    frame = Frame((left, left), CAMERA, rover_mask=mask)
+    frame = Frame((left, left), CAMERA, excluded=mask)
     frame.resized(HALF)
     np.testing.assert_array_equal(frame.pair[0], LEFT)
-    np.testing.assert_array_equal(frame.rover_mask, LEFT > 50)
+    np.testing.assert_array_equal(frame.excluded, LEFT > 50)
     assert frame.camera is CAMERA
 
 
@@ -89,7 +89,7 @@ def test_frame_is_mirrored_in_all_its_parts():
     np.testing.assert_array_equal(mirrored.camera.rays()[1], -TINY.rays()[1][::-1])
     np.testing.assert_array_equal(mirrored.camera.rays()[0], TINY.rays()[0])
     assert mirrored.gravity == Gravity((0.0, -0.6, -0.8), 2.0)
-    assert mirrored.rover_mask is not None
-    assert mirrored.rover_mask.tolist() == rover[::-1].tolist()
+    assert mirrored.excluded is not None
+    assert mirrored.excluded.tolist() == rover[::-1].tolist()
     without = Frame((left, right), TINY).mirrored()
-    assert (without.gravity, without.rover_mask) == (None, None)
+    assert (without.gravity, without.excluded) == (None, None)

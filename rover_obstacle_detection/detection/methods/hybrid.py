@@ -117,15 +117,15 @@ def decided(
     parameters: DetectorParameters,
 ) -> Detection:
     """Combine the cues into the detection."""
-    rover_mask = stereo.frame.rover_mask
-    cues, mask = combined_cues(found, rover_mask, parameters.result.min_obstacle_px)
+    excluded = stereo.frame.excluded
+    cues, mask = combined_cues(found, excluded, parameters.result.min_obstacle_px)
     # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
     known = level_heights_known(terrain, parameters.terrain)
     known &= may_be_free & stereo.ground.measured
     known &= ~around(mask, parameters.result.outline_px)
     known |= mask == OBSTACLE
-    if rover_mask is not None:
-        known &= ~rover_mask
+    if excluded is not None:
+        known &= ~excluded
     return Detection(
         camera=stereo.frame.camera,
         parameters=parameters,

@@ -111,7 +111,7 @@ def measure(
     reduced = frame.resized(coarse_camera(full, p.stereo))
     coarse = match_coarsely(reduced, full, p, stages)
     reduced = coarse.correction.straightened(reduced)
-    coarse = without_rover(coarse, reduced.rover_mask)
+    coarse = without_excluded(coarse, reduced.excluded)
     finished('coarse disparity')
     ground, doubts = find_ground(reduced, coarse, p)
     finished('ground plane')
@@ -132,7 +132,7 @@ def measure(
         check_upright(coarse, p)
     finished('support')
     stereo = stages.reflections(stereo, p.terrain)
-    ends = with_backdrop(stereo, straight.rover_mask, p.terrain)
+    ends = with_backdrop(stereo, straight.excluded, p.terrain)
     brims = AllBrims((stages.brims(ends, p.terrain),))
     finished('brims')
     terrain = stages.survey(stereo, p.terrain)
@@ -206,11 +206,11 @@ def check_upright(coarse: Rectified, parameters: DetectorParameters) -> None:
         raise UnjudgeablePairError(msg)
 
 
-def without_rover(coarse: Rectified, rover_mask: Mask | None) -> Rectified:
-    """Remove the matches on the rover itself."""
-    if rover_mask is None:
+def without_excluded(coarse: Rectified, excluded: Mask | None) -> Rectified:
+    """Remove the matches of pixels that are not judged."""
+    if excluded is None:
         return coarse
-    return replace(coarse, disparity=np.where(rover_mask, np.float32(0), coarse.disparity))
+    return replace(coarse, disparity=np.where(excluded, np.float32(0), coarse.disparity))
 
 
 def match(
@@ -267,8 +267,8 @@ def supported(
     frame, p = stereo.frame, parameters.stereo.support
     columns = np.arange(frame.camera.width, dtype=np.float32)[np.newaxis]
     visible = (stereo.expected > 0) & (stereo.expected <= columns - frame.camera.disparity_offset)
-    if frame.rover_mask is not None:
-        visible &= ~frame.rover_mask
+    if frame.excluded is not None:
+        visible &= ~frame.excluded
     # Fine texture looks like noise, noise of the difference includes false matches.
     most = stereo.grey_noise / 2**0.5
     left_noise, right_noise = (min(each, most) for each in noise)

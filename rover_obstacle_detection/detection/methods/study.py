@@ -44,7 +44,7 @@ def detect_as_study(
     finished : callable
         Called with the name of each stage when it ends.
     """
-    grey, camera, rover_mask = frame.pair[0], frame.camera, frame.rover_mask
+    grey, camera, excluded = frame.pair[0], frame.camera, frame.excluded
     study = parameters.study
     disparity = match_as_study(frame, parameters.stereo, study)
     near = too_near(disparity, camera, parameters.stereo.min_range_m)
@@ -79,7 +79,7 @@ def detect_as_study(
         study.morphology_size_px,
         study.morphology_iterations,
     )
-    excluded = near if rover_mask is None else near | rover_mask
+    excluded = near if excluded is None else near | excluded
     mask[excluded] = FREE
     # The study calls bright regions without enough 3D free. Here they are unknown.
     known = ((disparity > 0) & products.seeds | (mask == OBSTACLE)) & ~excluded
@@ -116,8 +116,8 @@ def match_as_study(
     remove_empty_matches(matched, frame.pair, frame.camera, stereo)
     disparity = np.asarray(cv2.medianBlur(matched, study.median_window_px), np.float32)
     disparity[disparity < frame.camera.disparity_at(study.max_range_m)] = 0
-    if frame.rover_mask is not None:
-        disparity[frame.rover_mask] = 0
+    if frame.excluded is not None:
+        disparity[frame.excluded] = 0
     return disparity
 
 

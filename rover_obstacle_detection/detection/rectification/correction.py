@@ -99,12 +99,12 @@ class Correction:
         """Images and rover mask as lenses without distortion would show them."""
         if not self.lenses:
             return frame
-        mask = frame.rover_mask
+        mask = frame.excluded
         if mask is not None:
             left, _ = self.lenses.views(frame.camera)
             mask = left.straightened(mask.astype(np.uint8), cv2.INTER_NEAREST) > 0
         pair = self.lenses.straightened(frame.pair, frame.camera)
-        return replace(frame, pair=pair, rover_mask=mask)
+        return replace(frame, pair=pair, excluded=mask)
 
     def unseen(
         self, disparity: NDArray[np.float32], camera: StereoCamera

@@ -36,9 +36,9 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
     own = {each.name: getattr(detection, each.name) for each in fields(detection)}
     own |= {name: resized(own[name], frame.camera.shape) for name in _PER_PIXEL}
     disparity = resized(detection.disparity * np.float32(factor), frame.camera.shape)
-    if frame.rover_mask is not None:
+    if frame.excluded is not None:
         for name in ('cues', 'known', 'mask'):
-            own[name][frame.rover_mask] = 0
+            own[name][frame.excluded] = 0
     own |= {
         'camera': frame.camera,
         'grey': frame.pair[0],

@@ -28,9 +28,9 @@ def in_left_image(detection: Detection, frame: Frame) -> Detection:
     disparity = remapped(detection.disparity, 0)
     cues, mask = remapped(detection.cues, 0), remapped(detection.mask, FREE)
     known = remapped(detection.known, False)
-    if frame.rover_mask is not None:
+    if frame.excluded is not None:
         for array in (cues, mask, known):
-            array[frame.rover_mask] = 0
+            array[frame.excluded] = 0
     return replace(
         detection,
         grey=grey,

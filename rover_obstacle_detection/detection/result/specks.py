@@ -17,10 +17,10 @@ from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE, 
 
 def combined_cues(
     found: Mapping[Cue, NDArray[np.bool_]],
-    rover_mask: NDArray[np.bool_] | None,
+    excluded: NDArray[np.bool_] | None,
     min_pixels: int,
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Combine what each cue found. Specks and the rover itself are no obstacles.
+    """Combine what each cue found. Specks and what is excluded are no obstacles.
 
     Returns
     -------
@@ -34,8 +34,8 @@ def combined_cues(
         cues += np.uint8(cue) * where
     obstacle = cues > 0
     obstacle &= ~small_parts(obstacle, min_pixels)
-    if rover_mask is not None:
-        obstacle &= ~rover_mask
+    if excluded is not None:
+        obstacle &= ~excluded
     cues *= obstacle
     return cues, obstacle * np.uint8(OBSTACLE)
 

@@ -48,10 +48,10 @@ def within_range(stereo: Stereo, min_range_m: float, max_range_m: float) -> Ster
     outside = near | before | too_far(stereo.disparity, frame.camera, max_range_m)
     if not outside.any():
         return stereo
-    if frame.rover_mask is not None:
-        outside |= frame.rover_mask
+    if frame.excluded is not None:
+        outside |= frame.excluded
     return replace(
         stereo,
-        frame=replace(frame, rover_mask=outside),
+        frame=replace(frame, excluded=outside),
         disparity=np.where(near, np.float32(0), stereo.disparity),
     )

@@ -93,8 +93,8 @@ def match_against_ground(
         # SGBM fills untextured areas from their surroundings, which is wrong there.
         sky &= untextured(frame.pair[0], parameters.sky_window_px, parameters.sky_texture)
         disparity[sky] = 0
-    if frame.rover_mask is not None:
-        disparity[frame.rover_mask] = 0
+    if frame.excluded is not None:
+        disparity[frame.excluded] = 0
     unseen = correction.unseen(disparity, camera)
     if unseen is not None:
         disparity[unseen] = 0

@@ -20,9 +20,7 @@ Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def with_backdrop(
-    stereo: Stereo, rover_mask: Mask | None, parameters: TerrainParameters
-) -> Stereo:
+def with_backdrop(stereo: Stereo, excluded: Mask | None, parameters: TerrainParameters) -> Stereo:
     """Place what is seen past the end of the ground at the greatest distance.
 
     There it lies far below the ground that hides its foot, so that the end of the ground shows as
@@ -31,7 +29,7 @@ def with_backdrop(
     Parameters
     ----------
     stereo : Stereo
-    rover_mask : ndarray of bool, shape (height, width), optional
+    excluded : ndarray of bool, shape (height, width), optional
         Pixels that show the rover or nothing. The frame's own also has what is out of range.
     parameters : TerrainParameters
 
@@ -41,7 +39,7 @@ def with_backdrop(
         No match lies beyond ``max_range_m``, and sky below the horizon lies there, without noise.
     """
     farthest = np.float32(stereo.frame.camera.disparity_at(parameters.max_range_m))
-    sky = sky_in_place_of_ground(stereo, rover_mask, parameters.backdrop)
+    sky = sky_in_place_of_ground(stereo, excluded, parameters.backdrop)
     beyond = (stereo.disparity > 0) & (stereo.disparity < farthest)
     return replace(
         stereo,
@@ -51,7 +49,7 @@ def with_backdrop(
 
 
 def sky_in_place_of_ground(
-    stereo: Stereo, rover_mask: Mask | None, parameters: BackdropParameters
+    stereo: Stereo, excluded: Mask | None, parameters: BackdropParameters
 ) -> Mask:
     """Find the sky where the ground plane would be seen.
 
@@ -61,7 +59,7 @@ def sky_in_place_of_ground(
     Parameters
     ----------
     stereo : Stereo
-    rover_mask : ndarray of bool, shape (height, width), optional
+    excluded : ndarray of bool, shape (height, width), optional
         See `with_backdrop`.
     parameters : BackdropParameters
 
@@ -79,8 +77,8 @@ def sky_in_place_of_ground(
     known[: p.sky_rows] = True
     noise = p.noises * stereo.grey_noise / math.sqrt(2)
     plain = untextured(left, p.window_px, max(p.min_difference, noise))
-    if rover_mask is not None:
-        plain &= ~rover_mask
+    if excluded is not None:
+        plain &= ~excluded
     brightness = np.asarray(cv2.blur(left, (p.window_px,) * 2), np.float32)
     of_sky = _sky_brightness(brightness, known & plain, p)
     even = plain & (np.abs(brightness - of_sky) < p.max_difference)

@@ -96,7 +96,7 @@ def test_the_rover_has_no_disparity():
     texture = np.random.default_rng(0).integers(0, 255, (120, 164), np.uint8)
     rover = np.zeros((120, 160), bool)
     rover[60:, 100:] = True
-    frame = Frame((texture[:, :160], texture[:, 4:]), camera, rover_mask=rover)
+    frame = Frame((texture[:, :160], texture[:, 4:]), camera, excluded=rover)
     p = DetectorParameters.from_config(DetectorConfig(method='study'))
     found = match_as_study(frame, p.stereo, p.study)
     assert found[:60, 100:].all()

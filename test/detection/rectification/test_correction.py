@@ -21,7 +21,7 @@ ROWS_ONLY = Correction(RowAlignment(0.5))
 
 def frame(mask=None):
     left, right = np.zeros(CAMERA.shape, np.uint8), np.full(CAMERA.shape, 9, np.uint8)
-    return Frame((left, right), CAMERA, rover_mask=mask)
+    return Frame((left, right), CAMERA, excluded=mask)
 
 
 def test_without_distortion_a_frame_stays_as_it_is():
@@ -48,18 +48,18 @@ def test_images_are_straightened():
     assert np.median(np.abs(found.pair[0].astype(float) - straight)[INNER]) < 1
     assert found.pair[1] is right
     assert found.camera is CAMERA
-    assert found.rover_mask is None
+    assert found.excluded is None
 
 
-def test_rover_mask_is_straightened_as_the_left_image_is():
+def test_excluded_is_straightened_as_the_left_image_is():
     columns, rows = waves.straight_left(CAMERA, COLUMNS, ROWS, BENT)
     mask = np.hypot(columns - 60, rows - 60) < 30
     straight = np.hypot(COLUMNS - 60, ROWS - 60) < 30
-    found = LEFT.straightened(frame(mask)).rover_mask
+    found = LEFT.straightened(frame(mask)).excluded
     assert found.dtype == np.bool_
     assert (found & straight).sum() / (found | straight).sum() > 0.97
     assert (mask & straight).sum() / (mask | straight).sum() < 0.93
-    np.testing.assert_array_equal(RIGHT.straightened(frame(mask)).rover_mask, mask)
+    np.testing.assert_array_equal(RIGHT.straightened(frame(mask)).excluded, mask)
 
 
 def test_pixels_matched_with_what_an_image_does_not_show():

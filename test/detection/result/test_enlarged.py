@@ -29,7 +29,7 @@ PINCHED = Correction(RowAlignment(0.5, 0.01), Lenses(LensDistortion(-0.6)))
 def frame_of(camera, rover_mask=None):
     random = np.random.default_rng(0)
     left, right = random.integers(0, 255, (2, *camera.shape), dtype=np.uint8)
-    return Frame((left, right), camera, rover_mask=rover_mask)
+    return Frame((left, right), camera, excluded=rover_mask)
 
 
 def scattered(**changes):

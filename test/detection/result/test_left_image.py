@@ -40,7 +40,7 @@ def straight_detection(**changes):
 
 
 def seen(detection, rover_mask=None):
-    return in_left_image(detection, Frame((LEFT, RIGHT), CAMERA, rover_mask=rover_mask))
+    return in_left_image(detection, Frame((LEFT, RIGHT), CAMERA, excluded=rover_mask))
 
 
 def test_each_pixel_takes_what_the_straight_image_shows_there():

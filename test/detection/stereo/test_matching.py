@@ -73,7 +73,7 @@ def test_rover_is_not_matched():
     rover = np.zeros(SCENE.camera.shape, bool)
     rover[130:, 60:140] = True
     _, whole = matched(frame)
-    _, found = matched(replace(frame, rover_mask=rover))
+    _, found = matched(replace(frame, excluded=rover))
     assert (whole[rover] > 0).mean() > 0.9
     assert not found[rover].any()
     np.testing.assert_array_equal(found[:128], whole[:128])

@@ -50,8 +50,8 @@ def view_of(*, sky=SKY, ground=GROUND, contrast=1.0, noise=0.0, disparity=None, 
     return replace(stereo, frame=frame, grey_noise=max(noise, 0.5) * 2**0.5)
 
 
-def sky_in(stereo, rover_mask=None):
-    return sky_in_place_of_ground(stereo, rover_mask, PARAMETERS.backdrop)
+def sky_in(stereo, excluded=None):
+    return sky_in_place_of_ground(stereo, excluded, PARAMETERS.backdrop)
 
 
 def brims_in(stereo):
