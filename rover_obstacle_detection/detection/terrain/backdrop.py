@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -16,8 +17,8 @@ from rover_obstacle_detection.detection.terrain.parameters import (
     TerrainParameters,
 )
 
-Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+T = TypeVar('T', bound=np.generic)
 
 
 def with_backdrop(stereo: Stereo, excluded: Mask | None, parameters: TerrainParameters) -> Stereo:
@@ -74,31 +75,26 @@ def sky_in_place_of_ground(
     """
     p, left = parameters, stereo.frame.pair[0]
     known = stereo.expected <= 0
-    known[: p.sky_rows] = True
+    known[: p.window_px] = True
     noise = p.noises * stereo.grey_noise / math.sqrt(2)
     plain = untextured(left, p.window_px, max(p.min_difference, noise))
     if excluded is not None:
         plain &= ~excluded
     brightness = np.asarray(cv2.blur(left, (p.window_px,) * 2), np.float32)
-    of_sky = _sky_brightness(brightness, known & plain, p)
+    # What the lowest window of known sky shows.
+    lowest_row = np.count_nonzero(known, axis=0) - 1 - p.window_px // 2
+    of_sky = _at_rows(brightness, lowest_row)
+    of_sky[~_at_rows(plain, lowest_row) | (of_sky < p.min_grey)] = np.inf
     even = plain & (np.abs(brightness - of_sky) < p.max_difference)
     # A column's sky ends with its first pixel that is none.
     sky = np.logical_and.accumulate(known | even, axis=0)
     # No plain window reaches over the edge: the next one lies behind it.
-    next_row = np.minimum(np.count_nonzero(sky, axis=0) + p.window_px, len(left) - 1)
-    after = np.take_along_axis(brightness, next_row[np.newaxis], axis=0)[0]
+    after = _at_rows(brightness, np.count_nonzero(sky, axis=0) + p.window_px)
     sky &= ~known & (np.abs(after - of_sky) > p.min_edge)
     return sky
 
 
-def _sky_brightness(brightness: Image, sky: Mask, parameters: BackdropParameters) -> Image:
-    """Mean grey level of the lowest rows of known sky in each column.
-
-    Infinite where there are too few rows, or they are black.
-    """
-    p = parameters
-    lowest = sky & (np.cumsum(sky[::-1], axis=0, dtype=np.int32)[::-1] <= p.sky_rows)
-    count = np.count_nonzero(lowest, axis=0)
-    mean = np.where(lowest, brightness, 0).sum(axis=0) / np.maximum(count, 1)
-    usable = (count == p.sky_rows) & (mean > p.min_grey)
-    return np.where(usable, mean, np.inf).astype(np.float32)
+def _at_rows(image: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
+    """Return the value of each column at a row of its own, or the nearest in the image."""
+    rows = np.clip(rows, 0, len(image) - 1)
+    return np.asarray(np.take_along_axis(image, rows[np.newaxis], axis=0)[0])

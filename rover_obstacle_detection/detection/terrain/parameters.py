@@ -149,12 +149,11 @@ class BackdropParameters:
         Mean difference of neighbours from which that window shows texture, grey levels.
     noises : float
         The same, in standard deviations of the noise. Derived: noise alone has 1.1.
-    sky_rows : int
-        Lowest rows above the horizon, or first rows of the image, that show its brightness.
     min_grey : float
         Darker sky may be shadow.
     max_difference : float
-        Grey levels by which the sky may differ from those rows.
+        Grey levels by which the sky may differ from that just above the horizon, or at the top
+        of the image.
     min_edge : float
         Least difference of the window that follows, grey levels. Derived: where haze hides its
         texture, ground differs from the sky by little more.
@@ -163,7 +162,6 @@ class BackdropParameters:
     window_px: int = 9
     min_difference: float = 2.0
     noises: float = 1.5
-    sky_rows: int = 8
     min_grey: float = 30.0
     max_difference: float = 12.0
     min_edge: float = 20.0
