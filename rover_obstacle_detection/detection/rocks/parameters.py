@@ -37,6 +37,9 @@ class RockParameters:
         Side of the smallest area without 3D beside what stands up that the network is asked about.
     dark_side_px : int
         Distance from what stands up within which it is asked about them.
+    outline_reach_px : int
+        Distance by which outlines exceed what stands up. Measured on rendered rocks: more changes
+        nothing.
     hole_share : float
         Share of the step above which a hole in an outline is filled.
     min_measured_share : float
@@ -92,6 +95,7 @@ class RockParameters:
     top_share: float = 0.1
     unmeasured_px: int = 9
     dark_side_px: int = 48
+    outline_reach_px: int = 4
     hole_share: float = 0.5
     min_measured_share: float = 0.12
     standing_share: float = 0.3

@@ -84,7 +84,9 @@ def outlined_rocks(
     """
     where = _with_dark_sides(stereo, terrain, standing, parameters)
     probability = np.full(where.shape, np.nan, np.float32)
-    for tile in tiles_around(where):
+    # Outlines reach a few pixels farther.
+    reach = np.ones((2 * parameters.outline_reach_px + 1,) * 2, np.uint8)
+    for tile in tiles_around(cv2.dilate(where.view(np.uint8), reach) > 0):
         drawn = draw(stereo, terrain, standing, tile.outer, parameters)
         probability[tile.inner] = drawn[tile.inner_in_outer]
     outlined = np.nan_to_num(probability) > parameters.outline_probability

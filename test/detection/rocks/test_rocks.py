@@ -3,14 +3,16 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from relief import PosedCamera, block, flat
 
+from rover_obstacle_detection.detection.rocks import rocks
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
-from rover_obstacle_detection.detection.rocks.tiles import BLOCK_PX
+from rover_obstacle_detection.detection.rocks.tiles import BLOCK_PX, Tile
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
 
@@ -83,6 +85,37 @@ def test_network_sees_only_the_surroundings_of_what_stands_up():
     assert asked[stands].all()
     assert seen[asked].all()
     assert seen.mean() < 0.5
+
+
+def test_outlines_may_reach_a_few_pixels_beyond_what_stands_up():
+    class Wide(Drawing):
+        def __call__(self, *args):
+            return np.full_like(super().__call__(*args), self.probability)
+
+    found, stands = find(ROCK, Wide(0.9))
+    reach = PARAMETERS.outline_reach_px
+    around = cv2.dilate(stands.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8)) > 0
+    assert found.high[around].all()
+
+
+def test_a_rock_across_two_tiles_is_judged_as_one(monkeypatch):
+    _, stands = find(ROCK, Drawing(0.9))
+    columns = np.flatnonzero(stands.any(axis=0))
+    # The left half alone would have too few measured pixels to be an obstacle.
+    hidden = np.s_[:, columns[0] : (columns[0] + columns[-1]) // 2]
+    expected, _ = find(ROCK, Drawing(0.9, unmeasured=True), unmatched=hidden)
+    middle = (columns[0] + columns[-1]) // 2 // BLOCK_PX * BLOCK_PX
+    halves = [np.s_[:, :middle], np.s_[:, middle:]]
+
+    def in_halves(where):
+        height, width = where.shape
+        bounds = ((slice(0, height), slice(0, middle)), (slice(0, height), slice(middle, width)))
+        return [Tile(each, each) for each in bounds]
+
+    monkeypatch.setattr(rocks, 'tiles_around', in_halves)
+    found, _ = find(ROCK, Drawing(0.9, unmeasured=True), unmatched=hidden)
+    assert all(found.high[half].any() for half in halves)
+    np.testing.assert_array_equal(found.high & (expected.probability > 0), expected.high)
 
 
 def test_network_sees_nothing_of_flat_ground():
