@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import math
 import multiprocessing
 import multiprocessing.pool
 import os
@@ -51,8 +52,10 @@ SWAPPED = {
     '<': '<=', '<=': '<', '>': '>=', '>=': '>', '==': '!=', '!=': '==', '+': '-', '-': '+',
     'and': 'or', 'or': 'and', 'is': 'is not', 'is not': 'is', 'in': 'not in', 'not in': 'in',
 }  # fmt: skip
-_copy: Path
 OPERATORS = re.compile(r'not in|is not|<=|>=|==|!=|[<>+-]|\b(?:and|or|is|in)\b')
+
+_copy: Path
+"""The copy of the working tree that belongs to this process."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,9 @@ def main() -> int:
     )
     arguments = parser.parse_args()
     mutants = [each for each in all_mutants(ROOT) if arguments.module in str(each.module)]
-    count = min(arguments.count or len(mutants), len(mutants))
+    if not mutants:
+        parser.error(f'--module {arguments.module}: no module with a test file is named so')
+    count = min(max(arguments.count, 0) or len(mutants), len(mutants))
     sample = random.Random(arguments.seed).sample(mutants, count)
     print(f'{count} of {len(mutants)} mutants, seed {arguments.seed}', flush=True)
     wider = [DETECTOR_TESTS] if arguments.wider else []
@@ -230,15 +235,20 @@ def passes(folder: Path, tests: Path, timeout_s: float = TIMEOUT_S) -> bool:
     """Run a test file or folder in the copy, in a process of its own."""
     child = os.fork()
     if not child:
+        # Ends the tests even if this process is killed.
+        signal.alarm(math.ceil(timeout_s))
         _run_tests(folder, tests)
     end_s = time.monotonic() + timeout_s
-    while not (ended := os.waitpid(child, os.WNOHANG))[0]:
-        if time.monotonic() > end_s:
+    ended = 0, 0
+    try:
+        while not ended[0] and time.monotonic() < end_s:
+            time.sleep(0.01)
+            ended = os.waitpid(child, os.WNOHANG)
+    finally:
+        if not ended[0]:
             os.killpg(child, signal.SIGKILL)
             os.waitpid(child, 0)
-            return False
-        time.sleep(0.01)
-    return ended[1] == 0
+    return ended[0] != 0 and ended[1] == 0
 
 
 def _run_tests(folder: Path, tests: Path) -> NoReturn:

@@ -52,7 +52,7 @@ class Frame:
         )
 
     def resized(self, camera: StereoCamera) -> Frame:
-        """Resample the images, and mark what is mostly rover.
+        """Resample the images, and exclude what is mostly excluded.
 
         Parameters
         ----------

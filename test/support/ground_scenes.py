@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import ground_hazards as make
 from hazard_scene import HazardScene
 from scene_parts import FAR_M, RIGS, level, make_scene
+from surfaces import Light, Look, Shadow
 
 
 def drops() -> Iterator[HazardScene]:
@@ -102,6 +103,11 @@ def harmless() -> Iterator[HazardScene]:
         yield make.free_ground(f'slope_{angle_deg:+d}', RIGS[name], points)
     for rig in RIGS.values():
         yield make_scene('free_level', rig, level(), float('nan'))
+    for name in ('rover', 'mast', 'study'):
+        # The rover's own shadow on sand with hardly any texture.
+        light = Light(noise=1.0, shadows=(Shadow((-0.4, 0.4), (0.0, 1.6), 0.4),))
+        sand = level(look=Look(170.0, 0.02))
+        yield make_scene('free_shadow_on_sand', RIGS[name], sand, 1.0).with_(light=light)
 
 
 def steps_up() -> Iterator[HazardScene]:

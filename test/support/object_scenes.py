@@ -240,6 +240,12 @@ def mirrors() -> Iterator[HazardScene]:
         yield make_scene('mirror_puddle_sky', RIGS[name], (*level(), puddle), distance_m)
         post = box(0.1, distance_m + size[1], (0.25, 0.2, 1.2))
         yield make_scene('mirror_puddle_post', RIGS[name], (*level(), puddle, *post), distance_m)
+        # Hills beyond the range, mirrored.
+        hills = replace(wall(8.0, look=Look(140.0, 0.25)), expect=UNCOUNTED)
+        scene = make_scene(
+            'mirror_puddle_hills', RIGS[name], (*level(), puddle, hills), distance_m
+        )
+        yield scene.with_(config={'max_range': 5.0})
     # The bonnet covers this share of the image.
     for name, pitch_deg, length_m, share in (
         ('car', 12.0, 1.6, 0.20),

@@ -131,8 +131,10 @@ def measure(
         # Images that do not belong together may seem to show ground anywhere.
         check_upright(coarse, p)
     finished('support')
-    stereo = stages.reflections(stereo, p.terrain)
-    ends = with_backdrop(stereo, straight.excluded, p.terrain)
+    # Puddles mirror far hills too.
+    ends = stages.reflections(with_backdrop(stereo, straight.excluded, p.terrain), p.terrain)
+    reflected = ends.disparity <= 0
+    stereo = replace(stereo, disparity=np.where(reflected, np.float32(0), stereo.disparity))
     brims = AllBrims((stages.brims(ends, p.terrain),))
     finished('brims')
     terrain = stages.survey(stereo, p.terrain)

@@ -96,7 +96,7 @@ class Correction:
         return replace(self, rows=self.rows.mirrored())
 
     def straightened(self, frame: Frame) -> Frame:
-        """Images and rover mask as lenses without distortion would show them."""
+        """Images and excluded pixels as lenses without distortion would show them."""
         if not self.lenses:
             return frame
         mask = frame.excluded

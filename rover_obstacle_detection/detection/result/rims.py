@@ -75,7 +75,8 @@ def find_rims(
     standing = (numbers > 0) & (cues > 0) & (cues & ~STANDING == 0)
     scale = np.float32(camera.fx * camera.baseline_m)
     for tile in tiles_around(standing):
-        window = tile.outer
+        # A pixel beside an obstacle needs what is as far again from the tile.
+        window, near = tile.outer, tile.grown(parameters.rim_reach_px)
         with np.errstate(divide='ignore', invalid='ignore'):
             depth_m = scale / disparity[window]
             # Both have the noise of disparity; over plain ground, this is their ratio.
@@ -88,8 +89,8 @@ def find_rims(
             numbers[window] == 0,
             parameters,
         )
-        rims.behind[tile.inner] = behind[tile.inner_in_outer]
-        rims.before[window] |= before
+        rims.behind[tile.inner] = behind[tile.in_outer(tile.inner)]
+        rims.before[near] |= before[tile.in_outer(near)]
     if rims.behind.any():
         measured = standing & np.isfinite(height_m)
         rims.behind[_without_body(rims.behind, measured, numbers)] = False

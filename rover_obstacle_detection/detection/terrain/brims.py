@@ -176,7 +176,7 @@ class Surface:
         self._stereo, self._parameters = stereo, parameters
         self._camera, self._ground = stereo.frame.camera, stereo.ground
         disparity = stereo.disparity
-        missing = disparity < self._camera.disparity_at(parameters.max_range_m)
+        missing = disparity <= self._camera.disparity_at(parameters.max_range_m)
         self.height_m = np.float32(self._ground.height_m) * (disparity - stereo.expected)
         self.height_m /= np.maximum(disparity, np.float32(1e-6))
         self.height_m[missing] = np.nan

@@ -154,6 +154,9 @@ class BackdropParameters:
     max_difference : float
         Grey levels by which the sky may differ from that just above the horizon, or at the top
         of the image.
+    max_matched_share : float
+        Share of matched pixels from which a part is no sky. Measured: 0.06 of the sky of ray-cast
+        cliffs, 0.96 of plain ground.
     min_edge : float
         Least difference of the window that follows, grey levels. Derived: where haze hides its
         texture, ground differs from the sky by little more.
@@ -164,6 +167,7 @@ class BackdropParameters:
     noises: float = 1.5
     min_grey: float = 30.0
     max_difference: float = 12.0
+    max_matched_share: float = 0.3
     min_edge: float = 20.0
 
 

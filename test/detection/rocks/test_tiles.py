@@ -1,9 +1,19 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from hazard_scenes import HAZARD_SCENES
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rover_obstacle_detection import DetectorConfig
+from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.methods.measurement import measure
+from rover_obstacle_detection.detection.parameters import DetectorParameters
+from rover_obstacle_detection.detection.result.parameters import ResultParameters
+from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE
+from rover_obstacle_detection.detection.rocks.rocks import network_outlines, outlined_rocks
+from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.detection.rocks.tiles import (
     BLOCK_PX,
     CONTEXT_BLOCKS,
@@ -48,7 +58,20 @@ def test_the_inner_part_is_found_in_the_outer_one():
     (tile,) = tiles_around(marked_at(image.shape, [(100, 120), (130, 150)]))
     assert tile.inner == (slice(96, 144), slice(112, 160))
     assert tile.outer == (slice(80, 160), slice(96, 176))
-    np.testing.assert_array_equal(image[tile.outer][tile.inner_in_outer], image[tile.inner])
+    np.testing.assert_array_equal(image[tile.outer][tile.in_outer(tile.inner)], image[tile.inner])
+
+
+def test_a_tile_grows_as_far_as_it_looks():
+    (tile,) = tiles_around(marked_at((200, 300), [(5, 120)]))
+    assert tile.grown(10) == (slice(0, 26), slice(102, 138))
+    assert tile.grown(50) == tile.outer
+    image = np.arange(200 * 300).reshape(200, 300)
+    near = tile.grown(10)
+    np.testing.assert_array_equal(image[tile.outer][tile.in_outer(near)], image[near])
+
+
+def test_rims_see_all_that_is_beside_them():
+    assert 2 * ResultParameters().rim_reach_px <= CONTEXT_PX
 
 
 def test_pixels_all_over_the_image_share_one_tile():
@@ -84,3 +107,22 @@ def test_parts_beside_each_other_share_a_tile():
 
 def test_without_marked_pixels_there_is_no_tile():
     assert tiles_around(np.zeros((40, 60), bool)) == []
+
+
+@pytest.mark.parametrize('name', ['rock_dome_0.20_wide', 'rock_box_0.15_rover'])
+def test_tiles_change_hardly_an_outline(name):
+    (scene,) = (each for each in HAZARD_SCENES if each.name == name)
+    view = scene.render()
+    parameters = DetectorParameters.from_config(DetectorConfig())
+    measured = measure(Frame((view.left, view.right), scene.camera), parameters)
+    stereo, terrain = measured.stereo, measured.terrain
+    standing = standing_parts(terrain, parameters.rocks)
+    found = outlined_rocks(stereo, terrain, standing, parameters.rocks).probability
+    whole = network_outlines(stereo, terrain, standing, EVERYWHERE, parameters.rocks)
+    asked = np.isfinite(found)
+    assert 0 < asked.mean() < 0.5
+    outlined = whole > 0.5
+    assert (outlined & asked).sum() > 100
+    # The network was not asked elsewhere, where it outlines nothing.
+    assert (outlined & ~asked).sum() < 0.01 * outlined.sum()
+    assert ((found > 0.5) != outlined)[asked].sum() < 0.02 * outlined.sum()
