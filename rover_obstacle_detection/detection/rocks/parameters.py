@@ -38,8 +38,8 @@ class RockParameters:
     dark_side_px : int
         Distance from what stands up within which it is asked about them.
     outline_reach_px : int
-        Distance by which outlines exceed what stands up. Measured on rendered rocks: more changes
-        nothing.
+        Distance from what stands up within which it is asked about outlines. Measured on rendered
+        rocks: farther away, asking changes nothing.
     hole_share : float
         Share of the step above which a hole in an outline is filled.
     min_measured_share : float

@@ -83,15 +83,13 @@ def outlined_rocks(
         Outlines of a window.
     """
     where = _with_dark_sides(stereo, terrain, standing, parameters)
-    # Outlines reach a few pixels farther.
+    # Outlines reach a few pixels farther. Some reach more, so that all of a tile counts.
     reach = np.ones((2 * parameters.outline_reach_px + 1,) * 2, np.uint8)
     asked = cv2.dilate(where.view(np.uint8), reach) > 0
     probability = np.full(where.shape, np.nan, np.float32)
     for tile in tiles_around(asked):
         drawn = draw(stereo, terrain, standing, tile.outer, parameters)
         probability[tile.inner] = drawn[tile.in_outer(tile.inner)]
-    # What else lies in a tile depends on where other rocks are.
-    probability[~asked] = np.nan
     outlined = np.nan_to_num(probability) > parameters.outline_probability
     overruled = overruled_parts(outlined, terrain, standing, parameters)
     high = too_high(outlined | overruled, np.nan_to_num(probability), terrain, parameters)
