@@ -88,6 +88,38 @@ def test_tiles_follow_a_diagonal_where_one_would_cover_the_image():
     assert area(tile.outer for tile in tiles) < 0.5 * where.size
 
 
+@pytest.mark.parametrize(
+    ('bars', 'inner'),
+    [
+        # Rows and columns of bars, and of the tiles, in blocks. An L: both cuts cost the same.
+        (((0, 50, 0, 1), (49, 50, 0, 50)), ((0, 49, 0, 1), (49, 50, 0, 50))),
+        # A post on a beam, and beside one.
+        (((0, 40, 20, 21), (40, 42, 0, 50)), ((0, 40, 20, 21), (40, 42, 0, 50))),
+        (((0, 50, 0, 2), (20, 21, 2, 45)), ((0, 50, 0, 2), (20, 21, 2, 45))),
+        # Two groups with an empty margin.
+        (((3, 8, 4, 12), (30, 33, 35, 47)), ((3, 8, 4, 12), (30, 33, 35, 47))),
+    ],
+)
+def test_tiles_are_cut_where_that_saves_most(bars, inner):
+    where = np.zeros((50 * BLOCK_PX, 50 * BLOCK_PX), bool)
+    for top, bottom, left, right in bars:
+        where[top * BLOCK_PX : bottom * BLOCK_PX, left * BLOCK_PX : right * BLOCK_PX] = True
+    found = [
+        tuple(end // BLOCK_PX for part in tile.inner for end in (part.start, part.stop))
+        for tile in tiles_around(where)
+    ]
+    assert sorted(found) == sorted(inner)
+
+
+@pytest.mark.parametrize(('apart', 'count'), [(4, 1), (5, 2)])
+def test_a_gap_is_worth_a_cut_if_it_takes_longer_than_a_call(apart, count):
+    # Two squares of 8 blocks side by side: with their context, 10 (18 + apart) blocks and a call,
+    # or 100 and a call each.
+    where = np.zeros((8 * BLOCK_PX, (16 + apart) * BLOCK_PX), bool)
+    where[:, : 8 * BLOCK_PX] = where[:, (8 + apart) * BLOCK_PX :] = True
+    assert len(tiles_around(where)) == count
+
+
 def test_parts_apart_from_each_other_have_tiles_of_their_own():
     places = [(20, 20), (20, 780), (780, 20)]
     tiles = tiles_around(marked_at((800, 800), places))
