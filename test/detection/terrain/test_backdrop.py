@@ -17,8 +17,8 @@ from rover_obstacle_detection.detection.terrain.backdrop import (
 from rover_obstacle_detection.detection.terrain.brims import find_brims
 
 CAMERA = pinhole(60, 320, 60.0, 0.15)
-# The horizon is in row 47.
 POSED = PosedCamera(CAMERA, pitch_deg=20.0, height_m=1.2)
+HORIZON = 59
 SKY, GROUND = 200, 100
 EDGE_M = 2.0
 
@@ -46,7 +46,7 @@ def view_of(*, sky=SKY, ground=GROUND, contrast=1.0, noise=0.0, disparity=None, 
         change(left)
     left = np.clip(np.rint(left), 0, 255).astype(np.uint8)
     stereo = POSED.stereo(shown if disparity is None else disparity)
-    frame = replace(stereo.frame, pair=(left, left))
+    frame = replace(stereo.frame, pair=(left, np.zeros_like(left)))
     return replace(stereo, frame=frame, grey_noise=max(noise, 0.5) * 2**0.5)
 
 
@@ -92,6 +92,38 @@ def test_a_brighter_sky_higher_up_does_not_matter():
         left[:30] += 40
 
     assert sky_in(view_of(change=brighten)).sum() == sky_in(view_of()).sum()
+
+
+@pytest.mark.parametrize(
+    ('textured_rows', 'expected'), [(HORIZON - 10, True), (HORIZON - 7, False)]
+)
+def test_the_lowest_window_above_the_horizon_shows_whether_there_is_sky(textured_rows, expected):
+    # Hills on the horizon, and above it. The window has the nine rows before the horizon.
+    def add_hills(left):
+        left[:textured_rows] += ground_texture()[:textured_rows]
+
+    stereo = view_of(change=add_hills)
+    assert (stereo.expected <= 0).sum(axis=0).tolist() == [HORIZON] * CAMERA.width
+    assert sky_in(stereo).any() == expected
+
+
+def test_the_brightness_of_the_lowest_window_counts():
+    def darken(left):
+        left[HORIZON - 9 : HORIZON] = SKY - 50
+
+    assert not sky_in(view_of(change=darken)).any()
+
+    def darken_higher(left):
+        left[: HORIZON - 9] = SKY - 50
+
+    assert sky_in(view_of(change=darken_higher)).any()
+
+
+def test_sky_alone_ends_at_no_edge():
+    def clear(left):
+        left[:] = SKY
+
+    assert not sky_in(view_of(change=clear)).any()
 
 
 @pytest.mark.parametrize(
