@@ -198,6 +198,15 @@ def test_an_empty_border_at_the_top_does_not_hide_the_sky(rows):
         np.testing.assert_array_equal(sky[60:], sky_in(view_of())[60:])
 
 
+def test_a_mask_that_excludes_nothing_changes_nothing():
+    stereo = view_of()
+    steep = PosedCamera(CAMERA, pitch_deg=75.0, height_m=1.2).stereo(stereo.disparity)
+    stereo = replace(stereo, expected=steep.expected)
+    without = sky_in(stereo, np.zeros(CAMERA.shape, np.bool_))
+    np.testing.assert_array_equal(without, sky_in(stereo))
+    assert without.any()
+
+
 def test_the_rover_is_no_sky():
     stereo = view_of()
     rover = np.zeros(CAMERA.shape, np.bool_)
