@@ -84,7 +84,7 @@ def test_pixels_all_over_the_image_share_one_tile():
 def test_tiles_follow_a_diagonal_where_one_would_cover_the_image():
     where = np.eye(800, dtype=bool)
     tiles = tiles_around(where)
-    assert len(tiles) > 4
+    assert len(tiles) >= 4
     assert area(tile.outer for tile in tiles) < 0.5 * where.size
 
 
@@ -111,7 +111,7 @@ def test_tiles_are_cut_where_that_saves_most(bars, inner):
     assert sorted(found) == sorted(inner)
 
 
-@pytest.mark.parametrize(('apart', 'count'), [(4, 1), (5, 2)])
+@pytest.mark.parametrize(('apart', 'count'), [(11, 1), (12, 2)])
 def test_a_gap_is_worth_a_cut_if_it_takes_longer_than_a_call(apart, count):
     # Two squares of 8 blocks side by side: with their context, 10 (18 + apart) blocks and a call,
     # or 100 and a call each.
