@@ -52,7 +52,7 @@ class Frame:
         )
 
     def resized(self, camera: StereoCamera) -> Frame:
-        """Resample the images, and exclude what is mostly excluded.
+        """Resample the images. A new pixel is excluded if most of what it covers is.
 
         Parameters
         ----------
