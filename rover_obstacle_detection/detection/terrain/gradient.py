@@ -23,11 +23,14 @@ class Rise:
     right, forward : ndarray of float32, shape of the map
     noise : ndarray of float32, shape of the map
         Standard deviation in the direction in which the rise is known least.
+    scale_m : ndarray of float32, shape of the map
+        Standard deviation of the Gaussian over which the rise is measured, metres.
     """
 
     right: Grid
     forward: Grid
     noise: Grid
+    scale_m: Grid
 
 
 def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
@@ -51,7 +54,7 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
     trust = layer.information * layer.is_ground
     scales = sorted({max(scale_m / cell_m, 1.0) for scale_m in parameters.rise_scales_m})
     narrow = _rise_at(layer.mean_m, trust, scales[0], cell_m, parameters)
-    right, forward, noise = narrow.right, narrow.forward, narrow.noise
+    right, forward, noise, scale_m = narrow.right, narrow.forward, narrow.noise, narrow.scale_m
     share = np.clip(noise / first - 1, 0, 1)
     for scale in scales[1:]:
         if not (share[layer.seen] > 0).any():
@@ -62,8 +65,9 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
         right = right + share * (wide.right - right)
         forward = forward + share * (wide.forward - forward)
         noise = noise + share * (wide.noise - noise)
+        scale_m = scale_m + share * (wide.scale_m - scale_m)
         share = share * np.clip(wide.noise / tolerated - 1, 0, 1)
-    return Rise(right, forward, noise)
+    return Rise(right, forward, noise, scale_m)
 
 
 def _rise_at(
@@ -74,6 +78,7 @@ def _rise_at(
         planes.rise_along_columns / np.float32(cell_m),
         planes.rise_along_rows / np.float32(cell_m),
         _rise_noise(planes, cell_m, parameters.shared_pixels),
+        np.full_like(mean_m, sigma_cells * cell_m),
     )
 
 

@@ -154,22 +154,25 @@ class _Steps(NamedTuple):
 
 
 def _find_steps(cells: Cells, p: VerticalParameters) -> _Steps:
-    """Find the steps that fit best, one after the other while each improves the fit by much."""
+    """Find the steps that fit best, across the direction in which they do."""
+    turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
+    return min((_steps_across(cells, turn, p) for turn in turns), key=_cost)
+
+
+def _steps_across(cells: Cells, turn: float, p: VerticalParameters) -> _Steps:
+    """Find steps one after the other, while each improves the fit by much."""
     first, last = np.quantile(cells[:, 1], (p.tail_share, 1 - p.tail_share))
     distances_m = np.geomspace(first, p.last_hinge * last, p.step_distances + 1)[1:]
     ratio = distances_m[1] / distances_m[0]
     around = ratio ** np.linspace(-1, 1, p.step_distances)
 
-    def refined(turn: float, steps: _Steps) -> _Steps:
+    def refined(steps: _Steps) -> _Steps:
         *others_m, last_m = steps.distances_m
         return min(steps, _with_step(cells, turn, tuple(others_m), last_m * around, p), key=_cost)
 
-    turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    found = [_with_step(cells, each, (), distances_m, p) for each in turns]
-    turn = turns[int(np.argmin([steps.cost for steps in found]))]
-    steps = refined(turn, min(found, key=_cost))
+    steps = refined(_with_step(cells, turn, (), distances_m, p))
     while len(steps.distances_m) < p.max_steps:
-        more = refined(turn, _with_step(cells, turn, steps.distances_m, distances_m, p))
+        more = refined(_with_step(cells, turn, steps.distances_m, distances_m, p))
         if more.cost > p.max_more_share * steps.cost:
             break
         steps = more
