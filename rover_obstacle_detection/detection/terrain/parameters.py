@@ -57,6 +57,8 @@ class VerticalParameters:
         Half-length over which the height changes at a step. Derived: a cell of the map.
     max_steps : int
         Most steps that are fitted.
+    first_turns : int
+        Directions in which a second step is searched: those in which one step fits best.
     cost_tolerance : float
         Relative excess cost at which a bend's weight in the mean falls to 1 / e.
     min_bend_deg : float
@@ -97,6 +99,7 @@ class VerticalParameters:
     step_distances: int = 14
     step_width_m: float = 0.05
     max_steps: int = 4
+    first_turns: int = 3
     cost_tolerance: float = 0.1
     min_bend_deg: float = 6.0
     max_cost_share: float = 0.6

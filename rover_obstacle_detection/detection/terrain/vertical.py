@@ -146,21 +146,19 @@ def _mean_bend(cells: Cells, p: VerticalParameters) -> _Bend:
 
 
 class _Steps(NamedTuple):
-    """Ground with steps up or down at some distances, and one slope before and behind them."""
+    """Ground with steps up or down at some distances, and one slope before and behind them.
 
+    All are across a direction turned to the right, radians.
+    """
+
+    turn: float
     distances_m: tuple[float, ...]
     rises: NDArray[np.float64]
     cost: float
 
 
 def _find_steps(cells: Cells, p: VerticalParameters) -> _Steps:
-    """Find the steps that fit best, across the direction in which they do."""
-    turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    return min((_steps_across(cells, turn, p) for turn in turns), key=_cost)
-
-
-def _steps_across(cells: Cells, turn: float, p: VerticalParameters) -> _Steps:
-    """Find steps one after the other, while each improves the fit by much."""
+    """Find the steps that fit best, one after the other while each improves the fit by much."""
     first, last = np.quantile(cells[:, 1], (p.tail_share, 1 - p.tail_share))
     distances_m = np.geomspace(first, p.last_hinge * last, p.step_distances + 1)[1:]
     ratio = distances_m[1] / distances_m[0]
@@ -168,15 +166,24 @@ def _steps_across(cells: Cells, turn: float, p: VerticalParameters) -> _Steps:
 
     def refined(steps: _Steps) -> _Steps:
         *others_m, last_m = steps.distances_m
-        return min(steps, _with_step(cells, turn, tuple(others_m), last_m * around, p), key=_cost)
+        moved = _with_step(cells, steps.turn, tuple(others_m), last_m * around, p)
+        return min(steps, moved, key=_cost)
 
-    steps = refined(_with_step(cells, turn, (), distances_m, p))
-    while len(steps.distances_m) < p.max_steps:
-        more = refined(_with_step(cells, turn, steps.distances_m, distances_m, p))
-        if more.cost > p.max_more_share * steps.cost:
-            break
-        steps = more
-    return steps
+    turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
+    found = [_with_step(cells, turn, (), distances_m, p) for turn in turns]
+    # One step says little about the direction, so the second decides.
+    found = [refined(steps) for steps in sorted(found, key=_cost)[: p.first_turns]]
+    while True:
+        steps = min(found, key=_cost)
+        if len(steps.distances_m) == p.max_steps:
+            return steps
+        more = [
+            refined(_with_step(cells, each.turn, each.distances_m, distances_m, p))
+            for each in found
+        ]
+        found = [min(more, key=_cost)]
+        if found[0].cost > p.max_more_share * steps.cost:
+            return steps
 
 
 def _cost(steps: _Steps) -> float:
@@ -192,19 +199,28 @@ def _with_step(
 ) -> _Steps:
     """Add the step that fits best to some others, all across a direction turned to the right."""
     turned = _turned(cells, turn)
-    design = np.stack([_step_design(turned, (*steps_m, each), p) for each in distances_m.tolist()])
+    design = _step_designs(turned, steps_m, distances_m, p)
     solutions, costs = _solve(design, turned, p)
     best = int(np.argmin(costs))
     rises = solutions[best, 1:3] @ _rotation(turn)
-    return _Steps((*steps_m, float(distances_m[best])), np.asarray(rises), float(costs[best]))
+    distances = (*steps_m, float(distances_m[best]))
+    return _Steps(turn, distances, np.asarray(rises), float(costs[best]))
 
 
-def _step_design(
-    cells: Cells, steps_m: tuple[float, ...], p: VerticalParameters
+def _step_designs(
+    cells: Cells,
+    steps_m: tuple[float, ...],
+    distances_m: NDArray[np.float64],
+    p: VerticalParameters,
 ) -> NDArray[np.float64]:
+    """Design with the given steps and one at each of the distances, shape (n, unknowns, cells)."""
     across, forward = cells[:, 0], cells[:, 1]
-    beyond = (forward - np.array(steps_m)[:, np.newaxis]) / p.step_width_m
-    return np.stack((np.ones_like(across), across, forward, *(0.5 + 0.5 * np.tanh(beyond))))
+    places_m = np.concatenate((steps_m, distances_m))
+    rise = 0.5 + 0.5 * np.tanh((forward - places_m[:, np.newaxis]) / p.step_width_m)
+    known = np.stack((np.ones_like(across), across, forward, *rise[: len(steps_m)]))
+    design = np.empty((len(distances_m), len(known) + 1, len(cells)))
+    design[:, :-1], design[:, -1] = known, rise[len(steps_m) :]
+    return design
 
 
 def _rotation(turn: float) -> NDArray[np.float64]:
@@ -277,18 +293,18 @@ def _solve(
 ) -> tuple[Cells, Cells]:
     """Solve for the heights of the cells by each design, shape (n, unknowns, cells)."""
     height, share = cells[:, 2], cells[:, 3]
-    transposed = design.transpose(0, 2, 1)
+    ridge = 1e-6 * np.identity(design.shape[1])
+    transposed, weighted = design.transpose(0, 2, 1), np.empty_like(design)
     weight = np.broadcast_to(share, (len(design), len(height)))
     for _ in range(p.iterations):
-        weighted = design * weight[:, np.newaxis]
+        np.multiply(design, weight[:, np.newaxis], out=weighted)
         normal_matrix = weighted @ transposed
-        trace = np.trace(normal_matrix, axis1=1, axis2=2)
-        normal_matrix += 1e-6 * trace[:, np.newaxis, np.newaxis] * np.identity(design.shape[1])
-        solution = np.linalg.solve(normal_matrix, (weighted @ height)[..., np.newaxis])
-        residual = height - (transposed @ solution)[..., 0]
+        normal_matrix += (
+            np.trace(normal_matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * ridge
+        )
+        solution = np.linalg.solve(normal_matrix, (weighted @ height)[..., np.newaxis])[..., 0]
+        residual = height - (solution[:, np.newaxis] @ design)[:, 0]
         residual /= p.relief_m
         squares = residual * residual
         weight = share / (1 + squares)
-    return np.asarray(solution[..., 0], np.float64), np.asarray(
-        (share * np.log1p(squares)).sum(axis=1)
-    )
+    return np.asarray(solution, np.float64), np.asarray((share * np.log1p(squares)).sum(axis=1))
