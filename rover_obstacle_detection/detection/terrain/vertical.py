@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -164,26 +164,35 @@ def _find_steps(cells: Cells, p: VerticalParameters) -> _Steps:
     ratio = distances_m[1] / distances_m[0]
     around = ratio ** np.linspace(-1, 1, p.step_distances)
 
-    def refined(steps: _Steps) -> _Steps:
-        *others_m, last_m = steps.distances_m
-        moved = _with_step(cells, steps.turn, tuple(others_m), last_m * around, p)
-        return min(steps, moved, key=_cost)
+    def with_one_more(turn: float, others_m: tuple[float, ...]) -> _Steps:
+        steps = _with_step(cells, turn, others_m, distances_m, p)
+        last_m = steps.distances_m[-1]
+        return min(steps, _with_step(cells, turn, others_m, last_m * around, p), key=_cost)
 
     turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    found = [_with_step(cells, turn, (), distances_m, p) for turn in turns]
+    single = [_with_step(cells, turn, (), distances_m, p) for turn in turns]
     # One step says little about the direction, so the second decides.
-    found = [refined(steps) for steps in sorted(found, key=_cost)[: p.first_turns]]
-    while True:
-        steps = min(found, key=_cost)
-        if len(steps.distances_m) == p.max_steps:
-            return steps
-        more = [
-            refined(_with_step(cells, each.turn, each.distances_m, distances_m, p))
-            for each in found
-        ]
+    likely = [each.turn for each in sorted(single, key=_cost)[: p.first_turns]]
+    found = [with_one_more(turn, ()) for turn in likely]
+    steps = min(found, key=_cost)
+    while len(steps.distances_m) < p.max_steps:
+        more = [with_one_more(each.turn, each.distances_m) for each in found]
         found = [min(more, key=_cost)]
         if found[0].cost > p.max_more_share * steps.cost:
-            return steps
+            break
+        steps = found[0]
+    return _placed_again(steps, with_one_more)
+
+
+def _placed_again(
+    steps: _Steps, with_one_more: Callable[[float, tuple[float, ...]], _Steps]
+) -> _Steps:
+    """Take each of several steps away, and place it again beside the others."""
+    for _ in steps.distances_m[1:]:
+        first_m, *others_m = steps.distances_m
+        kept = steps._replace(distances_m=(*others_m, first_m))
+        steps = min(kept, with_one_more(steps.turn, tuple(others_m)), key=_cost)
+    return steps
 
 
 def _cost(steps: _Steps) -> float:
