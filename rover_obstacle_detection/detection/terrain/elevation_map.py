@@ -42,10 +42,6 @@ class MapPositions:
         """Return the positions of some of the image rows."""
         return replace(self, column=self.column[rows], row=self.row[rows])
 
-    def thinned(self, step: int) -> MapPositions:
-        """Return the positions of every so manieth image column."""
-        return replace(self, column=self.column[:, ::step], row=self.row[:, ::step])
-
     @property
     def inside(self) -> NDArray[np.bool_]:
         """Pixels that lie on the map."""

@@ -72,19 +72,19 @@ def brims_by_vertical(
     -------
     brims : AllBrims
     vertical : tuple of float
-        The first, unless another one shows more brims.
+        That with most brims; if several have as many, the nearest to the normal of the ground
+        plane, as the plane lies on the nearest ground.
     """
     normal, over_plane = np.asarray(stereo.ground.normal), brims.parts[0]
     least = math.cos(math.radians(parameters.brims.min_tilt_deg))
-    chosen, most = verticals[0], -1
+    judged = []
     for up in verticals:
-        found = over_plane
-        if float(normal @ np.asarray(up)) < least:
+        found, upright = over_plane, float(normal @ np.asarray(up))
+        if upright < least:
             found = find(over_level_plane(stereo, up), parameters)
             brims = AllBrims((*brims.parts, found))
-        sure = int(np.count_nonzero(found.sure))
-        if sure > most:
-            chosen, most = up, sure
+        judged.append((int(np.count_nonzero(found.sure)), upright, up))
+    *_, chosen = max(judged)
     return brims, chosen
 
 

@@ -166,13 +166,10 @@ def _map_layer(
     if not pixels.any():
         return None
     positions = map_positions(points.across_m[rows], along_m, usable, cell_m)
-    # Neighbours share their noise, so every other column says as much.
-    some = rows, slice(None, None, 2)
-    trust = points.trust[some]
-    sums = CellSums(usable[:, ::2] & (trust > 0), positions.thinned(2))
-    mean_m, weight = sums.means(points.over_plane_m[some], trust)
-    noise_m, information = sums.means(points.noise_m[some], points.information[some])
-    information *= 2
+    trust = points.trust[rows]
+    sums = CellSums(usable & (trust > 0), positions)
+    mean_m, weight = sums.means(points.over_plane_m[rows], trust)
+    noise_m, information = sums.means(points.noise_m[rows], points.information[rows])
     lever = lever_m(
         np.float32(camera_height_m) - mean_m, camera_height_m, parameters.min_lever_share
     )
