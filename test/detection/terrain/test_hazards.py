@@ -112,7 +112,8 @@ def test_flat_ground_is_possibly_neither():
 def test_slope_just_below_the_limit_is_possible(angle, possible):
     steep, _, _, y = judged(bank(angle, 2.0))
     assert not steep.found.any()
-    assert steep.possible[(y > 2.5) & (y < 4)].mean() == pytest.approx(possible, abs=0.02)
+    # At the sides of the map, the rise is known less.
+    assert steep.possible[(y > 2.5) & (y < 4)].mean() == pytest.approx(possible, abs=0.05)
 
 
 def test_slope_is_possible_as_far_beside_it_as_it_is_smoothed():

@@ -38,9 +38,10 @@ def ramp(angle_deg, towards_deg=0.0):
     return (rise * (math.cos(towards) * ROWS + math.sin(towards) * COLUMNS)).astype(np.float32)
 
 
-def rise_of(relief, noise=0.0):
+def rise_of(relief, noise=0.0, scale_m=0.1):
     forward, right = np.gradient(np.asarray(relief, np.float32), CELL_M)
-    return Rise(right, forward, np.full(relief.shape, noise, np.float32))
+    noise, scale_m = (np.full(relief.shape, each, np.float32) for each in (noise, scale_m))
+    return Rise(right, forward, noise, scale_m)
 
 
 def steep(relief, plane, limit=20.0, noise=0.0):
@@ -113,6 +114,30 @@ def test_slope_is_possible_within_smoothing_and_two_deviations_of_noise(noise_de
         assert inner.all() if possible else not inner.any(), angle
 
 
+@pytest.mark.parametrize(
+    ('scale_m', 'max_step_m', 'least_deg'),
+    [
+        # At the narrowest scale, a ledge of a step is steeper than the limit.
+        (0.1, 0.1, 17.5),
+        # 0.10 m over 0.25 m, or over 0.5 m, times the square root of 2 pi.
+        (0.25, 0.1, 9.1),
+        (0.5, 0.1, 4.6),
+        (0.5, 0.2, 9.1),
+        # Lower ledges than 0.1 m sqrt(2 pi) tan(20 degrees) = 0.09 m are not too steep.
+        (0.25, 0.05, 8.3),
+    ],
+)
+def test_at_a_wide_scale_a_ledge_is_possible_from_the_slope_it_would_have(
+    scale_m, max_step_m, least_deg
+):
+    parameters = replace(PARAMETERS, max_step_m=max_step_m)
+    for angle, possible in ((least_deg - 0.2, False), (least_deg + 0.2, True)):
+        cells = steep_cells(rise_of(ramp(angle), scale_m=scale_m), ground(), parameters)
+        assert not cells.found.any()
+        inner = cells.possible[INNER]
+        assert inner.all() if possible else not inner.any(), angle
+
+
 def test_a_small_limit_leaves_level_ground_free():
     parameters = replace(PARAMETERS, max_slope_deg=2.0)
     noise = math.tan(math.radians(0.3))
@@ -156,7 +181,8 @@ def test_nearly_steep_ground_counts_from_a_share_of_steep_cells_on(missing):
     angles_deg[2:7], angles_deg[5:7] = 19, 25
     angles_deg[6, 20 : 20 + missing] = 19
     forward = np.tan(np.radians(angles_deg)).astype(np.float32)
-    found = steep_cells(Rise(0 * forward, forward, 0 * forward), ground(), PARAMETERS).found
+    rise = Rise(0 * forward, forward, 0 * forward, np.full_like(forward, 0.1))
+    found = steep_cells(rise, ground(), PARAMETERS).found
     np.testing.assert_array_equal(found, angles_deg > (24 if missing else 18))
 
 

@@ -194,6 +194,46 @@ def test_as_many_steps_are_found_as_may_be(edges):
         np.testing.assert_allclose(found.rises, [0.1, 0.05], atol=0.01)
 
 
+def cells_in_view(height, width, nearest_m, farthest_m):
+    """Cells that a camera sees, weighted by their nearness; the view widens by twice `width`."""
+    x, y = (
+        each.ravel()
+        for each in np.meshgrid(np.arange(-1.5, 1.6, 0.15), np.arange(nearest_m, farthest_m, 0.15))
+    )
+    x, y = (each[np.abs(x) < width * y] for each in (x, y))
+    weight = 1 / (x * x + y * y)
+    return np.column_stack((x, y, height(x, y), weight / weight.sum()))
+
+
+def test_the_direction_of_steps_is_that_of_several():
+    # A single step fits better across another direction.
+    cells = cells_in_view(
+        together(
+            tilted(0.0, 0.22),
+            terraces(3.4, 4.0, 4.6, step_m=-0.2),
+            lambda x, y: 0.03 * np.sin(2 * x - 1) * np.cos(1.5 * y),
+        ),
+        0.4,
+        2.9,
+        7,
+    )
+    p = VerticalParameters()
+    by_one = module._find_steps(cells, replace(p, first_turns=1))
+    assert abs(math.degrees(by_one.turn)) == pytest.approx(15)
+    found = module._find_steps(cells, p)
+    assert found.turn == 0
+    assert found.cost < 0.9 * by_one.cost
+    np.testing.assert_allclose(found.rises, [0, 0.22], atol=0.01)
+
+
+def test_steps_are_placed_again_beside_those_found_later():
+    # With the first one alone, the second seems to lie between two.
+    edges = (1.4, 2.4, 3.3, 4.4)
+    cells = cells_in_view(terraces(*edges, step_m=0.3), 0.6, 0.8, 7)
+    found = module._find_steps(cells, VerticalParameters())
+    assert sorted(found.distances_m) == pytest.approx(edges, abs=0.12)
+
+
 def layer_of(rows, columns, cell_m, information=1e12, heights_m=None):
     """A layer of which the cells at some rows and columns before the camera are seen."""
     shape = max(rows) + 1, 2 * max(map(abs, columns)) + 1
