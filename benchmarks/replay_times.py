@@ -17,7 +17,7 @@ from rover_obstacle_detection import DetectorConfig
 from rover_obstacle_detection.errors import ObstacleDetectionError
 from rover_obstacle_detection.offline.replay_jobs import ReplayJob, replay_jobs
 from rover_obstacle_detection.offline.replay_options import ReplayOptions
-from rover_obstacle_detection.offline.summary import READ, WRITE_BAG, ReplaySummary
+from rover_obstacle_detection.offline.summary import FILE_STAGES, ReplaySummary
 
 MOST_FILE_SHARE = 0.15
 LEAST_GAIN = 1.6
@@ -94,7 +94,5 @@ def pair_rate_hz(progress: Sequence[tuple[float, int, int]], workers: int) -> fl
 def file_share(summaries: Sequence[ReplaySummary]) -> float:
     """Share of the replays' time that reading and writing bags takes."""
     frames = [frame.stage_ms for summary in summaries for frame in summary.frames]
-    files = sum(
-        ms for stages in frames for name, ms in stages.items() if name in (READ, WRITE_BAG)
-    )
+    files = sum(ms for stages in frames for name, ms in stages.items() if name in FILE_STAGES)
     return files / sum(sum(stages.values()) for stages in frames)

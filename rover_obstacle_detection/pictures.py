@@ -13,6 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.result.cue import KIND_NUMBERS, Kind
@@ -239,19 +240,21 @@ def _as_bgr(image: NDArray[Any]) -> Picture:
 
 
 def _hatched(picture: Picture, where: NDArray[np.bool_]) -> Picture:
-    dimmed = _as_bgr(_picture(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)) // 2)
-    rows, columns = np.ogrid[: where.shape[0], : where.shape[1]]
-    period = max(8, where.shape[0] // 48)
-    dimmed[(rows + columns) % period < max(1, period // 6)] = LIGHT_GREY
-    return _picture(cv2.copyTo(dimmed, where.astype(np.uint8), picture))
+    """Dim the marked pixels and draw diagonal lines over them."""
+    height, width = where.shape
+    period = max(8, height // 48)
+    line = np.arange(height + width) % period < max(1, period // 6)
+    dimmed = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) // 2
+    dimmed[sliding_window_view(line, width)[:height]] = LIGHT_GREY[0]
+    return _picture(cv2.copyTo(_as_bgr(dimmed), where.astype(np.uint8), picture))
 
 
 def _tinted(
     picture: Picture, where: NDArray[np.bool_], colour: Colour, strength: float
 ) -> Picture:
-    solid = np.full_like(picture, colour)
-    blend = cv2.addWeighted(picture, 1.0 - strength, solid, strength, 0.0)
-    return _picture(cv2.copyTo(blend, where.astype(np.uint8), picture))
+    levels = np.repeat(np.arange(256, dtype=np.uint8), 3).reshape(1, 256, 3)
+    blended = cv2.addWeighted(levels, 1.0 - strength, np.full_like(levels, colour), strength, 0.0)
+    return _picture(cv2.copyTo(cv2.LUT(picture, blended), where.astype(np.uint8), picture))
 
 
 def _outline(picture: Picture, mask: NDArray[np.bool_], colour: Colour) -> None:

@@ -21,6 +21,7 @@ from rover_obstacle_detection.offline.picture_files import (
 from rover_obstacle_detection.offline.replay_gallery import Gallery, report_pictures
 from rover_obstacle_detection.offline.replay_options import ReplayOptions
 from rover_obstacle_detection.offline.summary import (
+    CLOUDS,
     WRITE_BAG,
     WRITE_IMAGES,
     FrameSummary,
@@ -90,7 +91,11 @@ class FrameOutputs:
         """Write a frame and return its figures; `lap` is called at the end of each stage."""
         obstacles = shown_obstacles(detection)
         summary = FrameSummary.of(detection)
+        # Computed on first access.
+        _ = detection.obstacle_points, detection.ground_points, detection.grid
+        lap(CLOUDS)
         overlay = overlay_picture(detection, pair.left)
+        lap(WRITE_IMAGES)
         # All messages before the first is written: a frame is in the bag as a whole or not at all.
         messages = tuple(
             frame_messages(

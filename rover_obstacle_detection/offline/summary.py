@@ -33,6 +33,7 @@ from rover_obstacle_detection.warning_kinds import WarningCount, count_warnings
 FORMAT_VERSION = 1
 
 READ = 'read'
+CLOUDS = 'clouds and obstacles'
 WRITE_BAG = 'write bag'
 WRITE_IMAGES = 'write images'
 FILE_STAGES = (READ, WRITE_BAG, WRITE_IMAGES)

@@ -140,7 +140,7 @@ def test_replays_are_timed(tmp_path: Path) -> None:
     assert [len(each.frames) for each in summaries] == [1, 1]
     assert rate_hz > 0
     stages = summaries[0].frames[0].stage_ms
-    files_ms = stages['read'] + stages['write bag']
+    files_ms = stages['read'] + stages['write bag'] + stages['write images']
     assert file_share(summaries[:1]) == pytest.approx(files_ms / sum(stages.values()))
 
 
