@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.images.components import components, marked
 from rover_obstacle_detection.detection.images.texture import untextured
 from rover_obstacle_detection.detection.stereo.matching import Stereo
-from rover_obstacle_detection.detection.terrain.parameters import (
-    BackdropParameters,
-    TerrainParameters,
-)
+from rover_obstacle_detection.detection.terrain.brim_parameters import BackdropParameters
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 Mask = NDArray[np.bool_]
 T = TypeVar('T', bound=np.generic)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.noise import height_noise_m
 from rover_obstacle_detection.detection.images.components import runs
 from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.brim_parameters import BrimParameters
 from rover_obstacle_detection.detection.terrain.elevation_map import ground_axes
-from rover_obstacle_detection.detection.terrain.parameters import BrimParameters, TerrainParameters
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]

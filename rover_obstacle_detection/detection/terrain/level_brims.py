@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane
 from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.brim_parameters import BrimParameters
 from rover_obstacle_detection.detection.terrain.brims import Brims
-from rover_obstacle_detection.detection.terrain.parameters import BrimParameters, TerrainParameters
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 Mask = NDArray[np.bool_]
 Vector = tuple[float, float, float]

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.noise import height_noise_m
 from rover_obstacle_detection.detection.stereo.matching import Stereo
+from rover_obstacle_detection.detection.terrain.brim_parameters import ReflectionParameters
 from rover_obstacle_detection.detection.terrain.elevation_map import plane_coordinates
-from rover_obstacle_detection.detection.terrain.parameters import (
-    ReflectionParameters,
-    TerrainParameters,
-)
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 Mask = NDArray[np.bool_]
 Image = NDArray[np.float32]

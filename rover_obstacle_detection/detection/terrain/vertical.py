@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain.elevation_map import ground_axes
-from rover_obstacle_detection.detection.terrain.parameters import (
-    TerrainParameters,
-    VerticalParameters,
-)
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.terrain import Layer
+from rover_obstacle_detection.detection.terrain.vertical_parameters import VerticalParameters
 
 Cells = NDArray[np.float64]
 Vector = tuple[float, float, float]

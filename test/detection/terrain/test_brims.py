@@ -12,8 +12,8 @@ from synthetic import pinhole
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.terrain import brims as module
+from rover_obstacle_detection.detection.terrain.brim_parameters import BrimParameters
 from rover_obstacle_detection.detection.terrain.brims import Brims, Surface, find_brims
-from rover_obstacle_detection.detection.terrain.parameters import BrimParameters
 
 # As many rows as in real images: a few of them are little ground.
 CAMERA = pinhole(44, 320, 60.0, 0.15)

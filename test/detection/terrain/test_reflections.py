@@ -10,7 +10,7 @@ import pytest
 from relief import PARAMETERS, PosedCamera, bank, block, flat
 
 from rover_obstacle_detection.detection.terrain import reflections as module
-from rover_obstacle_detection.detection.terrain.parameters import ReflectionParameters
+from rover_obstacle_detection.detection.terrain.brim_parameters import ReflectionParameters
 from rover_obstacle_detection.detection.terrain.reflections import (
     seen_through_ground,
     without_reflections,

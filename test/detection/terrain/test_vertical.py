@@ -11,10 +11,10 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain import vertical as module
 from rover_obstacle_detection.detection.terrain.elevation_map import MapPositions
-from rover_obstacle_detection.detection.terrain.parameters import VerticalParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
 from rover_obstacle_detection.detection.terrain.terrain import Layer
 from rover_obstacle_detection.detection.terrain.vertical import likely_verticals
+from rover_obstacle_detection.detection.terrain.vertical_parameters import VerticalParameters
 
 POSED = PosedCamera()
 LEANING = GroundPlane(
