@@ -91,7 +91,7 @@ class FrameOutputs:
         """Write a frame and return its figures; `lap` is called at the end of each stage."""
         obstacles = shown_obstacles(detection)
         summary = FrameSummary.of(detection)
-        # Computed on first access.
+        # Computed on first access; here, so that they do not count as writing.
         _ = detection.obstacle_points, detection.ground_points, detection.grid
         lap(CLOUDS)
         overlay = overlay_picture(detection, pair.left)

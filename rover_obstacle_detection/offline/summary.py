@@ -115,7 +115,7 @@ class ReplayFrame:
         Stamp of the left image.
     summary : FrameSummary
     stage_ms : mapping of str to float
-        Milliseconds by stage, in order: the detector's stages and `FILE_STAGES`.
+        Milliseconds by stage, in order: the detector's stages, `CLOUDS` and `FILE_STAGES`.
     warnings : tuple of str
         What makes the pair less trustworthy.
     """

@@ -48,7 +48,7 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
         # A face is a cell or two wide, and smoothing takes its edges.
         cell_m = layer.positions.cell_m
         margin_m = p.slope_margin_m
-        around = _dilated(found, (margin_m + p.rise_scales_m[0]) / cell_m)
+        around = _dilated(found, (margin_m + p.scales_of_rise_m[0]) / cell_m)
         return Hazard(_dilated(found, margin_m / cell_m), possible | around)
 
     return _on_pixels(terrain, steep, p)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ def brims_by_vertical(
     brims : AllBrims
         Over the ground plane.
     verticals : sequence of tuple of float
-        Likeliest first, unit vectors in the left optical frame.
+        Unit vectors in the left optical frame.
     stereo : Stereo
     find : callable
         Finds the brims over a plane.
@@ -84,9 +85,8 @@ def brims_by_vertical(
         if upright < least:
             found = find(over_level_plane(stereo, up), parameters)
             brims = AllBrims((*brims.parts, found))
-        judged.append((int(np.count_nonzero(found.sure)), upright, up))
-    *_, chosen = max(judged)
-    return brims, chosen
+        judged.append(((int(np.count_nonzero(found.sure)), upright), up))
+    return brims, max(judged, key=itemgetter(0))[1]
 
 
 def over_level_plane(stereo: Stereo, up: Vector) -> Stereo:

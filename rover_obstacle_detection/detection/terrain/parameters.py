@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from rover_obstacle_detection.detection.terrain.brim_parameters import (
@@ -10,6 +11,10 @@ from rover_obstacle_detection.detection.terrain.brim_parameters import (
     ReflectionParameters,
 )
 from rover_obstacle_detection.detection.terrain.vertical_parameters import VerticalParameters
+
+# A Gaussian of standard deviation s turns a ledge of height h into a slope whose steepest rise is
+# h / (LEDGE_RUN s).
+LEDGE_RUN = math.sqrt(2 * math.pi)
 
 
 @dataclass(frozen=True)
@@ -182,3 +187,14 @@ class TerrainParameters:
     backdrop: BackdropParameters = field(default_factory=BackdropParameters)
     brims: BrimParameters = field(default_factory=BrimParameters)
     reflections: ReflectionParameters = field(default_factory=ReflectionParameters)
+
+    @property
+    def scales_of_rise_m(self) -> tuple[float, ...]:
+        """Standard deviations at which the rise is measured, metres.
+
+        `rise_scales_m`, unless a ledge as high as a small step, or for a rover that climbs steep
+        slopes, would not be too steep at the narrowest one.
+        """
+        limit = math.tan(math.radians(self.max_slope_deg))
+        narrowest_m, *wider_m = self.rise_scales_m
+        return min(narrowest_m, self.max_step_m / (LEDGE_RUN * max(limit, 1e-6))), *wider_m

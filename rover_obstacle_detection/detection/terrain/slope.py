@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain.elevation_map import Grid, ground_axes
 from rover_obstacle_detection.detection.terrain.gradient import Rise
-from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.parameters import LEDGE_RUN, TerrainParameters
 
 Mask = NDArray[np.bool_]
 
@@ -48,8 +48,8 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     Smoothing removes a few degrees where a slope begins and ends. So connected cells that are
     almost too steep belong to the slope as well, if enough of the whole is too steep. Cells with
     too noisy a rise do not count. Beyond both errors, smoothing and noise, a slope is ruled out.
-    Where the rise is only known at a wide scale, a ledge is as flat as a gentle slope: there, only
-    ground that is flatter than a ledge would be is no slope for sure.
+    Where the rise is only known at a wide scale, a ledge is as flat as a gentle slope: there,
+    ground is ruled out as a slope only if it is flatter than a ledge would look.
     """
     right, forward = ground_axes(ground)
     up, normal = np.asarray(ground.up), np.asarray(ground.normal)
@@ -62,7 +62,7 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     limit = math.radians(parameters.max_slope_deg)
     nearly = max(limit - math.radians(parameters.lost_slope_deg), 0)
     lost = min(limit - nearly, parameters.max_lost_share * limit)
-    sure = np.minimum(limit - lost, _least_slope_of_ledges(rise.scale_m, limit, parameters))
+    sure = np.minimum(limit - lost, _slope_of_a_ledge(rise.scale_m, parameters.max_step_m))
     sure -= parameters.free_noises * np.arctan(rise.noise)
     # What is not a number is not ruled out.
     possible = ~((upward >= np.cos(sure)) & (sure > 0))
@@ -78,16 +78,9 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     return Hazard(np.asarray(steep | kept[labels]), np.asarray(possible))
 
 
-def _least_slope_of_ledges(scale_m: Grid, limit: float, parameters: TerrainParameters) -> Grid:
-    """Slope of a ledge as each scale shows it, radians.
-
-    The ledge is as high as the rover's step, or as the lowest one that is too steep at the
-    narrowest scale. A Gaussian of standard deviation s turns a ledge of height h into a slope
-    whose steepest rise is ``h / (s sqrt(2 pi))``.
-    """
-    step = parameters.max_step_m / (2 * math.pi) ** 0.5
-    rise = max(step, parameters.rise_scales_m[0] * math.tan(limit))
-    return np.asarray(np.arctan(np.float32(rise) / scale_m), np.float32)
+def _slope_of_a_ledge(scale_m: Grid, max_step_m: float) -> Grid:
+    """Slope of a ledge as high as the rover's step, as each scale shows it, radians."""
+    return np.asarray(np.arctan(np.float32(max_step_m / LEDGE_RUN) / scale_m), np.float32)
 
 
 def level_heights(relief_m: Grid, cell_m: float, ground: GroundPlane) -> Grid:

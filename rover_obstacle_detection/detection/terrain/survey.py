@@ -160,6 +160,8 @@ def _map_layer(
     overlap, overlap_m = parameters.overlap_factor, parameters.overlap_m
     usable = points.in_range & (points.along_m <= farthest_m * overlap + overlap_m)
     usable &= points.along_m >= nearest_m / overlap - overlap_m
+    # Seen along the ground, some pixels lie far to the side.
+    usable &= np.abs(points.across_m) < parameters.max_cells / 2 * cell_m
     rows = rows_with(usable)
     usable, along_m = usable[rows], points.along_m[rows]
     pixels = usable & (along_m > nearest_m) & (along_m <= farthest_m)

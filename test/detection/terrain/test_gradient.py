@@ -116,11 +116,17 @@ def even_map(information, ground_m=None):
     )
 
 
+def with_scales(*scales_m):
+    """Parameters of a rover so low that no scale is too wide for its step."""
+    return replace(PARAMETERS, rise_scales_m=scales_m, max_slope_deg=1.0)
+
+
 @pytest.mark.parametrize(('scale_m', 'cells'), [(0.25, 6.25), (0.1, 2.5), (0.01, 1.0)])
 def test_noise_of_the_rise_is_that_of_a_regression_at_least_a_cell_wide(scale_m, cells):
-    parameters = replace(PARAMETERS, rise_scales_m=(scale_m,))
-    noise = ground_rise(even_map(1e5), parameters).noise[30, 30]
+    rise = ground_rise(even_map(1e5), with_scales(scale_m))
+    noise = rise.noise[30, 30]
     independent = 2 * math.pi * cells**2 * 1e5 / PARAMETERS.shared_pixels
+    assert rise.scale_m[30, 30] == pytest.approx(cells * 0.04)
     assert noise == pytest.approx(1 / (2 * cells * 0.04 * independent**0.5), rel=0.06)
 
 
@@ -160,18 +166,36 @@ def test_each_scale_takes_over_when_the_one_before_is_too_noisy():
             is_ground=np.ones(wavy.shape, np.bool_),
             seen=np.ones(wavy.shape, np.bool_),
         )
-        return ground_rise(noisy, replace(PARAMETERS, rise_scales_m=scales_m))
+        return ground_rise(noisy, with_scales(*scales_m))
 
     # The noise goes with the root of the information: twice the tolerated one at the second scale.
     known = rise(1e4, scales_m[1]).noise[inside].mean() ** 2 * 1e4
     information = known / (2 * tolerated) ** 2
-    np.testing.assert_allclose(
-        rise(information, *scales_m).right[inside],
-        rise(information, scales_m[2]).right[inside],
-        atol=0.002,
-    )
+    noisy, quiet = (rise(each, *scales_m) for each in (information, 1e8))
+    widest = rise(information, scales_m[2]).right[inside]
+    np.testing.assert_allclose(noisy.right[inside], widest, atol=0.002)
+    np.testing.assert_allclose(noisy.scale_m[inside], scales_m[2], rtol=0.02)
     # Where the noise is little, nothing takes over.
-    np.testing.assert_array_equal(rise(1e8, *scales_m).right, rise(1e8, scales_m[0]).right)
+    np.testing.assert_array_equal(quiet.right, rise(1e8, scales_m[0]).right)
+    np.testing.assert_allclose(quiet.scale_m, scales_m[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('max_step_m', 'max_slope_deg', 'narrowest_m'),
+    [
+        (0.1, 20.0, 0.1),
+        (0.25, 20.0, 0.1),
+        # A ledge of 0.05 m, or of 0.10 m for a limit of 35 degrees, is just as steep as the limit.
+        (0.05, 20.0, 0.0548),
+        (0.1, 35.0, 0.057),
+        (0.1, 0.0, 0.1),
+    ],
+)
+def test_the_narrowest_scale_shows_a_ledge_of_a_step(max_step_m, max_slope_deg, narrowest_m):
+    parameters = replace(PARAMETERS, max_step_m=max_step_m, max_slope_deg=max_slope_deg)
+    first, *others = parameters.scales_of_rise_m
+    assert first == pytest.approx(narrowest_m, abs=1e-4)
+    assert tuple(others) == PARAMETERS.rise_scales_m[1:]
 
 
 def test_noise_widens_the_scale():

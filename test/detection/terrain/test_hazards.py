@@ -116,6 +116,19 @@ def test_slope_just_below_the_limit_is_possible(angle, possible):
     assert steep.possible[(y > 2.5) & (y < 4)].mean() == pytest.approx(possible, abs=0.05)
 
 
+def test_a_ledge_is_possible_where_only_a_wide_scale_shows_the_ground():
+    # Twice as high as the step. With so much noise, it is smoothed to less than the limit.
+    def ledge(x, y):
+        return 0.2 * (y > 3)
+
+    for noise_px, found in ((0.02, True), (0.5, False)):
+        steep, _, _, y = judged(ledge, noise_px=noise_px)
+        at_ledge = np.abs(y - 3) < 0.05
+        assert at_ledge.sum() > 100
+        assert steep.possible[at_ledge].mean() > 0.95
+        assert steep.found[at_ledge].any() == found
+
+
 def test_slope_is_possible_as_far_beside_it_as_it_is_smoothed():
     steep, _, _, y = judged(bank(30, 2.0))
     before_m = np.where(steep.found, np.nan, 2.0 - y)

@@ -240,6 +240,18 @@ def test_a_layer_has_a_bounded_number_of_cells_however_far_the_camera_sees():
     assert found[-1][0] >= 1000.0 / PARAMETERS.max_cells
 
 
+def test_what_lies_too_far_aside_is_left_out():
+    # Level with the camera, the ground reaches far to both sides.
+    disparity, x, _ = POSED.look(flat)
+    few = replace(PARAMETERS, max_cells=40)
+    terrain = survey_layers(POSED.stereo(disparity), [(0.04, math.inf)], few)
+    (layer,) = terrain.layers
+    assert layer.positions.shape[1] <= 40 + 2
+    np.testing.assert_array_equal(
+        terrain.measured, (disparity > 0) & (np.abs(x) < 0.8), err_msg='up to 20 cells of 0.04 m'
+    )
+
+
 def test_layers_follow_the_spans_and_share_no_pixel():
     terrain, disparity, _, y = POSED.survey(flat)
     assert [layer.positions.cell_m for layer in terrain.layers] == [cell for cell, _ in spans()]
@@ -279,7 +291,8 @@ def test_far_layer_leaves_out_near_ground():
 
 def test_one_layer_may_cover_all_distances():
     disparity, _, _ = POSED.look(block(0.1, 2.5, 0.4, 0.3))
-    terrain = survey_layers(POSED.stereo(disparity), [(0.04, math.inf)], PARAMETERS)
+    wide = replace(PARAMETERS, max_cells=2000)
+    terrain = survey_layers(POSED.stereo(disparity), [(0.04, math.inf)], wide)
     (layer,) = terrain.layers
     assert layer.positions.cell_m == pytest.approx(0.04)
     np.testing.assert_array_equal(layer.pixels, (disparity > 0)[layer.rows])
