@@ -45,11 +45,9 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
         found, possible = steep_cells(ground_rise(layer, p), ground, p)
         if not found.any():
             return Hazard(found, possible)
-        # A face is a cell or two wide, and smoothing takes its edges.
-        cell_m = layer.positions.cell_m
-        margin_m = p.slope_margin_m
-        around = _dilated(found, (margin_m + p.scales_of_rise_m[0]) / cell_m)
-        return Hazard(_dilated(found, margin_m / cell_m), possible | around)
+        # Smoothing takes the edges of a slope.
+        margin_m = p.slope_margin_m + p.scales_of_rise_m[0]
+        return Hazard(found, possible | _dilated(found, margin_m / layer.positions.cell_m))
 
     return _on_pixels(terrain, steep, p)
 

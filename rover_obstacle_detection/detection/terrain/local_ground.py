@@ -27,11 +27,15 @@ class LocalGround:
         Trust in the cells that show ground; 0 in all others.
     trend : LocalPlanes
         Of the ground around each cell.
+    is_bare : ndarray of bool, shape (rows, columns)
+        Cells with nothing on them that is narrower than the opening, and no part of a wall. Faces
+        of ledges and trenches are bare, although they are far from the trend.
     """
 
     height_m: Grid
     trust: Grid
     trend: LocalPlanes
+    is_bare: NDArray[np.bool_]
 
 
 def local_ground(
@@ -71,7 +75,7 @@ def local_ground(
     smoothing_cells = max(p.smoothing_m, p.smoothing_cells * cell_m) / cell_m
     opening_cells = max(p.opening_m, p.opening_cells * cell_m) / cell_m
     filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
-    ground = _opened(filled, present, round(opening_cells) | 1)
+    envelope = ground = _opened(filled, present, round(opening_cells) | 1)
     tolerance_m = p.ground_share * p.max_step_m
     tolerated_m = tolerance_m
     trend = local_planes(height_m, weight, trend_cells, p.trend_ridge, p)
@@ -83,7 +87,9 @@ def local_ground(
         trend = local_planes(height_m, trusted, trend_cells, p.trend_ridge, p)
         ground = _follow(height_m, trusted, trend.height, smoothing_cells)
         tolerated_m = tolerance_m * p.second_ground_share
-    return LocalGround(ground, trusted, trend)
+    tolerated = np.hypot(np.float32(p.ground_share * p.resolved_m), viewpoint.noise_m(trend))
+    is_bare = present & (height_m - envelope < tolerated) & (height_m - ground < p.resolved_m)
+    return LocalGround(ground, trusted, trend, _without_feet(is_bare, present))
 
 
 def smoothed(image: Grid, sigma_cells: float) -> Grid:

@@ -29,7 +29,7 @@ class TerrainParameters:
     max_step_m, max_slope_deg, max_roughness_m, max_range_m : float
         The rover's limits; a roughness of 0 is not judged. Set by the user.
     cell_per_step : float
-        Side of the finest cell over `max_step_m`. Derived: two cells across a rock of that height.
+        Side of the finest cell over `resolved_m`. Derived: two cells across a rock of that height.
     max_layers, max_cells : int
         Maps, each twice as coarse as the one before, and most cells along one.
     rows_per_cell : float
@@ -50,7 +50,8 @@ class TerrainParameters:
     smoothing_m, smoothing_cells : float
         Standard deviation of the final mean; the larger counts.
     ground_share : float
-        Height over the trend, relative to `max_step_m`, up to which a cell is ground.
+        Height over the trend, relative to `max_step_m`, up to which a cell is ground. Height over
+        the lower envelope, relative to `resolved_m`, up to which nothing stands on it.
     second_ground_share : float
         Factor on that in the second pass, which starts from better ground.
     trend_ridge, rise_ridge : float
@@ -87,8 +88,9 @@ class TerrainParameters:
     steep_share : float
         Least share of a slope's cells that are too steep.
     slope_margin_m : float
-        Ground beside a slope that belongs to it. Tuned between the outlines of slopes and the
-        share of their pixels called free, also on the tuning scenes of the suite `hazards`.
+        Ground beside a slope that may belong to it, besides the narrowest scale. Tuned between
+        free ground and the share of slopes called free, also on the tuning scenes of the suite
+        `hazards`.
     min_scale_cells : float
         Least standard deviation of the windows of drop and roughness, cells.
     drop_scale_m : float
@@ -187,6 +189,11 @@ class TerrainParameters:
     backdrop: BackdropParameters = field(default_factory=BackdropParameters)
     brims: BrimParameters = field(default_factory=BrimParameters)
     reflections: ReflectionParameters = field(default_factory=ReflectionParameters)
+
+    @property
+    def resolved_m(self) -> float:
+        """Size of what the maps resolve, metres: the step, or a higher rover's finest slopes."""
+        return min(self.max_step_m, self.rise_scales_m[0])
 
     @property
     def scales_of_rise_m(self) -> tuple[float, ...]:

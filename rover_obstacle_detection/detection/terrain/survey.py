@@ -84,7 +84,7 @@ def layer_spans(
         Of the left camera over the ground, metres.
     parameters : TerrainParameters
     """
-    cell_m = parameters.cell_per_step * parameters.max_step_m
+    cell_m = parameters.cell_per_step * parameters.resolved_m
     for number in range(parameters.max_layers):
         farthest_m = math.sqrt(camera.fy * camera_height_m * cell_m * parameters.rows_per_cell)
         farthest_m = min(farthest_m, parameters.max_cells * cell_m)
@@ -188,7 +188,7 @@ def _map_layer(
         positions=positions,
         pixels=pixels,
         seen=weight > 0,
-        is_ground=ground.trust > 0,
+        is_ground=ground.is_bare,
         mean_m=mean_m,
         noise_m=noise_m,
         information=information,

@@ -88,6 +88,15 @@ def test_rocks_are_neither_steep_nor_dropping():
     assert not dropped.any()
 
 
+def test_what_a_rover_with_a_high_step_can_cross_is_not_steep():
+    rocks = together(block(0, 2, 0.3, 0.2), block(0.8, 3, 0.4, 0.15))
+    steep, *_ = surveyed(rocks, max_step_m=0.25)
+    assert steep.mean() < 0.001
+    # A ledge is, although it is measured as finely.
+    steep, _, _, y = surveyed(lambda x, y: 0.4 * (y > 2), max_step_m=0.25)
+    assert steep[np.abs(y - 2) < 0.05].mean() > 0.9
+
+
 @pytest.mark.parametrize(('depth', 'found'), [(0.3, 1), (0.08, 0)])
 def test_pit_drops_away(depth, found):
     _, dropped, x, y = surveyed(block(0.0, 2.0, 0.8, -depth))

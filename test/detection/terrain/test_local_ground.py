@@ -56,6 +56,28 @@ def test_rock_and_its_foot_are_not_trusted_as_ground():
     np.testing.assert_array_equal(trust == 0, rock)
 
 
+def test_rock_and_its_foot_are_not_bare():
+    terrain = np.zeros(SHAPE)
+    terrain[40:50, 40:50] = 0.3
+    rock = np.zeros(SHAPE, bool)
+    rock[39:51, 39:51] = True
+    np.testing.assert_array_equal(~local(terrain).is_bare, rock)
+
+
+@pytest.mark.parametrize('rise_m', [-0.16, 0.16])
+def test_the_face_of_a_ledge_is_bare_although_it_is_no_ground(rise_m):
+    terrain = rise_m * np.clip((ROWS - 43) / 3, 0, 1)
+    found = local(terrain)
+    assert (found.trust == 0).all(axis=1).sum() == 3
+    assert found.is_bare.all()
+
+
+def test_a_wall_is_not_bare_however_wide():
+    is_bare = local(np.where(ROWS < 43, 0.0, 0.6)).is_bare
+    assert is_bare[:42].all()
+    assert not is_bare[43:47].any()
+
+
 @pytest.mark.parametrize(('size_m', 'height'), [(0.2, 0.15), (0.4, 0.3), (0.6, 0.5)])
 def test_rock_does_not_raise_the_ground(size_m, height):
     half = round(size_m / CELL_M / 2)

@@ -227,7 +227,9 @@ def test_spans_end_with_the_range(max_range, layers):
 
 
 def test_first_cell_follows_the_step():
-    assert spans(max_step_m=0.25)[0][0] == pytest.approx(0.1)
+    assert spans(max_step_m=0.05)[0][0] == pytest.approx(0.02)
+    # Slopes are as fine for a rover that climbs higher.
+    assert spans(max_step_m=0.25)[0][0] == pytest.approx(0.04)
 
 
 def test_a_layer_has_a_bounded_number_of_cells_however_far_the_camera_sees():
