@@ -30,6 +30,7 @@ from surfaces import (
     Light,
     Look,
     Patch,
+    Rig,
     Shadow,
 )
 
@@ -97,7 +98,7 @@ def rocks() -> Iterator[HazardScene]:
         ('wide', 'dome', 0.1, 0.9, 0.20),
         ('car', 'dome', 0.5, 5.0, 0.60),
     ):
-        yield _rock(f'rock_{what}_{size_m:.2f}', name, what, (x, distance_m, size_m))
+        yield _rock(f'rock_{what}_{size_m:.2f}', RIGS[name], what, (x, distance_m, size_m))
     # Their sides are nearly black, with little contrast.
     for name, what, x, distance_m, size_m, grey in (
         ('rover', 'box', 0.1, 1.5, 0.25, 18.0),
@@ -107,7 +108,7 @@ def rocks() -> Iterator[HazardScene]:
         ('study', 'box', 0.0, 1.0, 0.25, 20.0),
     ):
         look, where = Look(grey, 0.10), (x, distance_m, size_m)
-        yield _rock(f'rock_dark_{what}_{size_m:.2f}', name, what, where, look)
+        yield _rock(f'rock_dark_{what}_{size_m:.2f}', RIGS[name], what, where, look)
     for name, x, distance_m, yaw_deg, size in (
         ('rover', 0.1, 1.5, 0, (0.30, 0.02, 0.35)),
         ('rover', -0.1, 2.0, 55, (0.30, 0.02, 0.40)),
@@ -127,8 +128,16 @@ def rocks() -> Iterator[HazardScene]:
         ('mast', 'box', -0.3, 3.5, 0.90),
         ('low', 'dome', 0.3, 2.4, 0.75),
     ):
-        scene = _rock(f'rock_boulder_{what}_{size_m:.2f}', name, what, (x, distance_m, size_m))
+        scene = _rock(
+            f'rock_boulder_{what}_{size_m:.2f}', RIGS[name], what, (x, distance_m, size_m)
+        )
         yield scene.with_(config={'max_step': 0.25})
+    # The same for a rover that drives over 0.5 m, and looks down from higher up.
+    high = RIGS['car'].with_(width=1280, height=960, focal_px=1000.0, baseline_m=0.5)
+    high = high.with_(height_m=3.5, pitch_deg=15.0)
+    for what, distance_m, size_m in (('box', 5.0, 0.65), ('box', 9.0, 0.65), ('dome', 5.0, 1.0)):
+        name = f'rock_boulder_{what}_{size_m:.2f}_at_{distance_m:.0f}_high'
+        yield _rock(name, high, what, (0.3, distance_m, size_m)).with_(config={'max_step': 0.5})
     for name, distance_m, size_m in (
         ('rover', 1.3, 0.12),
         ('low', 0.7, 0.12),
@@ -138,14 +147,14 @@ def rocks() -> Iterator[HazardScene]:
         yield _at_left_border(name, distance_m, size_m)
 
 
-def _rock(what, name, shape, where, look: Look = ROCK, **fields) -> HazardScene:
+def _rock(what, rig: Rig, shape, where, look: Look = ROCK, **fields) -> HazardScene:
     x, distance_m, size_m = where
     if shape == 'dome':
         rock = (dome(x, distance_m, 0.75 * size_m, size_m, look=look),)
     else:
         size = (size_m, 0.8 * size_m, size_m)
         rock = box(x, distance_m, size, yaw_deg=15, look=look)
-    return make_scene(what, RIGS[name], (*level(), *rock), distance_m, **fields)
+    return make_scene(what, rig, (*level(), *rock), distance_m, **fields)
 
 
 def _at_left_border(name: str, distance_m: float, size_m: float) -> HazardScene:

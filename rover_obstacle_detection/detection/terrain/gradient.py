@@ -51,7 +51,7 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
     first = math.tan(math.radians(parameters.narrowest_rise_noise_deg))
     tolerated = math.tan(math.radians(parameters.tolerated_rise_noise_deg))
     cell_m = layer.positions.cell_m
-    trust = layer.information * layer.is_ground
+    trust = layer.information * layer.is_bare
     scales = sorted({max(scale_m / cell_m, 1.0) for scale_m in parameters.scales_of_rise_m})
     narrow = _rise_at(layer.mean_m, trust, scales[0], cell_m, parameters)
     right, forward, noise, scale_m = narrow.right, narrow.forward, narrow.noise, narrow.scale_m

@@ -71,12 +71,14 @@ def local_ground(
     """
     p = parameters
     present = weight > 0
-    trend_cells = max(p.trend_m, p.trend_cells * cell_m) / cell_m
-    smoothing_cells = max(p.smoothing_m, p.smoothing_cells * cell_m) / cell_m
-    opening_cells = max(p.opening_m, p.opening_cells * cell_m) / cell_m
+    # What is an obstacle for a rover with a high step is wide, too.
+    wide_m = max(cell_m, p.cell_per_step * p.max_step_m)
+    trend_cells = max(p.trend_m, p.trend_cells * wide_m) / cell_m
+    smoothing_cells = max(p.smoothing_m, p.smoothing_cells * wide_m) / cell_m
+    opening_cells = max(p.opening_m, p.opening_cells * wide_m) / cell_m
     filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
     envelope = ground = _opened(filled, present, round(opening_cells) | 1)
-    tolerance_m = p.ground_share * p.max_step_m
+    tolerance_m = p.ground_share * p.resolved_m
     tolerated_m = tolerance_m
     trend = local_planes(height_m, weight, trend_cells, p.trend_ridge, p)
     for _ in range(2):
@@ -87,7 +89,7 @@ def local_ground(
         trend = local_planes(height_m, trusted, trend_cells, p.trend_ridge, p)
         ground = _follow(height_m, trusted, trend.height, smoothing_cells)
         tolerated_m = tolerance_m * p.second_ground_share
-    tolerated = np.hypot(np.float32(p.ground_share * p.resolved_m), viewpoint.noise_m(trend))
+    tolerated = np.hypot(np.float32(tolerance_m), viewpoint.noise_m(trend))
     is_bare = present & (height_m - envelope < tolerated) & (height_m - ground < p.resolved_m)
     return LocalGround(ground, trusted, trend, _without_feet(is_bare, present))
 

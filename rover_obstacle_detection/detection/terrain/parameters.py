@@ -50,8 +50,8 @@ class TerrainParameters:
     smoothing_m, smoothing_cells : float
         Standard deviation of the final mean; the larger counts.
     ground_share : float
-        Height over the trend, relative to `max_step_m`, up to which a cell is ground. Height over
-        the lower envelope, relative to `resolved_m`, up to which nothing stands on it.
+        Height over the trend, relative to `resolved_m`, up to which a cell is ground; over the
+        lower envelope, up to which nothing stands on it.
     second_ground_share : float
         Factor on that in the second pass, which starts from better ground.
     trend_ridge, rise_ridge : float
@@ -200,7 +200,7 @@ class TerrainParameters:
         """Standard deviations at which the rise is measured, metres.
 
         `rise_scales_m`, unless a ledge as high as a small step, or for a rover that climbs steep
-        slopes, would not be too steep at the narrowest one.
+        slopes, would not be too steep at the narrowest one. No map has a finer scale than a cell.
         """
         limit = math.tan(math.radians(self.max_slope_deg))
         narrowest_m, *wider_m = self.rise_scales_m

@@ -188,7 +188,7 @@ def _map_layer(
         positions=positions,
         pixels=pixels,
         seen=weight > 0,
-        is_ground=ground.is_bare,
+        is_bare=ground.is_bare,
         mean_m=mean_m,
         noise_m=noise_m,
         information=information,

@@ -34,8 +34,8 @@ class Layer:
         Pixels of those rows within its span.
     seen : ndarray of bool, shape of the map
         Cells with pixels.
-    is_ground : ndarray of bool, shape of the map
-        Seen cells that show ground, and nothing that stands on it.
+    is_bare : ndarray of bool, shape of the map
+        Seen cells with nothing on them: see `LocalGround`.
     mean_m : ndarray of float32, shape of the map
         Mean height of each cell's pixels over the plane, metres.
     noise_m : ndarray of float32, shape of the map
@@ -52,7 +52,7 @@ class Layer:
     positions: MapPositions
     pixels: NDArray[np.bool_]
     seen: NDArray[np.bool_]
-    is_ground: NDArray[np.bool_]
+    is_bare: NDArray[np.bool_]
     mean_m: Grid
     noise_m: Grid
     information: Grid

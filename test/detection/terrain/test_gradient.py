@@ -34,8 +34,8 @@ def test_flat_ground_has_no_rise_and_little_noise():
 def test_slope_is_measured_to_the_edge_of_the_seen_ground(slope):
     layer = nearest_layer(bank(slope, 0.0))
     angle, _ = angles_deg(layer)
-    well_known = np.median(layer.information[layer.is_ground]) / 9
-    inside = layer.is_ground & (layer.information > well_known)
+    well_known = np.median(layer.information[layer.is_bare]) / 9
+    inside = layer.is_bare & (layer.information > well_known)
     assert inside.sum() > 1000
     np.testing.assert_allclose(angle[inside], slope, atol=1.5)
 
@@ -50,7 +50,7 @@ def strip_of(width, slope_deg, noise_m):
         layer,
         mean_m=(rise * rows).astype(np.float32),
         information=np.where(seen, 20 / noise_m**2, 0).astype(np.float32),
-        is_ground=seen,
+        is_bare=seen,
         seen=seen,
     )
 
@@ -72,7 +72,7 @@ def test_tiny_and_empty_maps_are_flat(shape, seen):
     zero, mask = np.zeros(shape, np.float32), np.full(shape, seen)
     small = replace(
         nearest_layer(flat),
-        is_ground=mask,
+        is_bare=mask,
         seen=mask,
         information=np.full(shape, 1e5 * seen, np.float32),
         mean_m=zero,
@@ -111,7 +111,7 @@ def even_map(information, ground_m=None):
         ground_m=zero if ground_m is None else ground_m,
         noise_m=zero + np.float32(0.01),
         information=zero + np.float32(information),
-        is_ground=everywhere,
+        is_bare=everywhere,
         seen=everywhere,
     )
 
@@ -163,7 +163,7 @@ def test_each_scale_takes_over_when_the_one_before_is_too_noisy():
             layer,
             mean_m=wavy,
             information=np.full_like(wavy, information),
-            is_ground=np.ones(wavy.shape, np.bool_),
+            is_bare=np.ones(wavy.shape, np.bool_),
             seen=np.ones(wavy.shape, np.bool_),
         )
         return ground_rise(noisy, with_scales(*scales_m))
@@ -207,7 +207,7 @@ def test_noise_widens_the_scale():
         noisy = replace(layer, mean_m=wavy, information=layer.information / divisor)
         rise = ground_rise(noisy, PARAMETERS)
         spreads.append(rise.forward[20:-20, 20:-20].std())
-        noises.append(np.median(rise.noise[layer.is_ground]))
+        noises.append(np.median(rise.noise[layer.is_bare]))
     assert (np.diff(spreads) < 0).all()
     assert spreads[0] > 4 * spreads[-1]
     assert noises == sorted(noises)
@@ -217,7 +217,7 @@ def test_height_follows_the_ground_and_its_noise_grows_with_that_of_the_pixels()
     layer = nearest_layer(bank(26, 2.0))
     height_m, noise_m = ground_height(layer, PARAMETERS)
     assert height_m.dtype == noise_m.dtype == np.float32
-    inner = layer.is_ground.copy()
+    inner = layer.is_bare.copy()
     inner[:6] = inner[-6:] = inner[:, :6] = inner[:, -6:] = False
     np.testing.assert_allclose(height_m[inner], layer.ground_m[inner], atol=0.02)
     fewer = replace(layer, information=layer.information / 100)

@@ -213,7 +213,7 @@ def rough(heights_m, *, noise_m=0.001, rocks=None, **parameters):
         positions=positions,
         pixels=np.ones(height_m.shape, bool),
         seen=np.ones(positions.shape, bool),
-        is_ground=np.ones(positions.shape, bool),
+        is_bare=np.ones(positions.shape, bool),
         mean_m=level,
         noise_m=level,
         information=level + 1,
