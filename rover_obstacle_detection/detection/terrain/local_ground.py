@@ -65,6 +65,7 @@ def local_ground(
     2. A local linear regression of the cells near it gives the trend. Local constants would
        flatten slopes towards the edge of the visible ground.
     3. The mean of the cells near the trend is the ground.
+    4. Bare is what hardly rises above the lower envelope, and less than a wall above the ground.
 
     Steps 2 and 3 run twice, the second time from the ground itself. The first noise estimate uses
     the trend of all cells, rocks included.
