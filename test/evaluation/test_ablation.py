@@ -96,7 +96,7 @@ CASES = {
     'outlines': lambda: Case.of(BLOCK, 'rock_probability'),
     'parallax': lambda: Case.of(BLOCK, 'rock_probability'),
     'sight': lambda: Case.of(BLOCK, 'rock_probability'),
-    'doubt': lambda: Case.of(NOISY, 'cues', max_slope=5.5),
+    'doubt': lambda: Case.of(NOISY, 'cues', max_slope=5.0),
 }
 
 
