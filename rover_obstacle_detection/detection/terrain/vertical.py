@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain.elevation_map import ground_axes
@@ -17,6 +17,8 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer
 from rover_obstacle_detection.detection.terrain.vertical_parameters import VerticalParameters
 
 Cells = NDArray[np.float64]
+"""Right, forward, height (metres) and weight of each cell, shape (n, 4)."""
+Numbers = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 
@@ -75,7 +77,7 @@ def likely_verticals(
     return [_vertical(rises, ground, p) for rises in likely]
 
 
-def _vertical(rises: NDArray[np.float64], ground: GroundPlane, p: VerticalParameters) -> Vector:
+def _vertical(rises: Numbers, ground: GroundPlane, p: VerticalParameters) -> Vector:
     """Return the normal of ground that rises to the right and forward over the plane."""
     right, forward = ground_axes(ground)
     normal = np.asarray(ground.normal) - rises[0] * right - rises[1] * forward
@@ -103,7 +105,7 @@ class _Bend:
         return abs(math.degrees(math.atan(self.rise_beyond) - math.atan(self.rise_before)))
 
 
-def _rises_before(bend: _Bend, cells: Cells, p: VerticalParameters) -> NDArray[np.float64]:
+def _rises_before(bend: _Bend, cells: Cells, p: VerticalParameters) -> Numbers:
     """Rise to the right and forward of the ground before a bend."""
     before = np.array([bend.rise_right, bend.rise_before])
     turned = _turned(cells, bend.turn)
@@ -117,30 +119,28 @@ def _rises_before(bend: _Bend, cells: Cells, p: VerticalParameters) -> NDArray[n
 def _mean_bend(cells: Cells, p: VerticalParameters) -> _Bend:
     """Mean of the bends near the one that fits best, weighted by fit."""
     first, last = np.quantile(cells[:, 1], (p.tail_share, 1 - p.tail_share))
-    hinges_m = np.geomspace(p.first_hinge * first, p.last_hinge * last, p.hinges)
-
-    turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    every_turn = np.stack([_turned(cells, each) for each in turns])
-    each_turn, each_hinge_m = (
-        np.repeat(every_turn, p.hinges, axis=0),
-        np.tile(hinges_m, len(turns)),
-    )
-    costs = _fits(each_turn, each_hinge_m, np.full_like(each_hinge_m, p.bend_width_m), p)[1]
+    tried_m = np.geomspace(p.first_hinge * first, p.last_hinge * last, p.hinges)
+    turns, hinges_m = _all_pairs(np.radians(p.turns_deg), tried_m)
+    _, costs = _fit_bends(cells, turns, hinges_m, np.full_like(hinges_m, p.bend_width_m), p)
     best = int(np.argmin(costs))
-    turn, best_m = turns[best // p.hinges], each_hinge_m[best]
-    turned = each_turn[best : best + 1]
+    turn, best_m = float(turns[best]), hinges_m[best]
     steps = np.arange(-p.refinement_steps, p.refinement_steps + 1) / p.refinement_steps
-    around_m = best_m * (hinges_m[1] / hinges_m[0]) ** steps
+    around_m = best_m * (tried_m[1] / tried_m[0]) ** steps
     around_m = np.unique(np.clip(around_m, first, last))
-    hinges_m, widths_m = (
-        each.ravel() for each in np.meshgrid(around_m, p.bend_widths_m, indexing='ij')
-    )
-    (_, right, near, further), costs = (each.T for each in _fits(turned, hinges_m, widths_m, p))
+    hinges_m, widths_m = _all_pairs(around_m, p.bend_widths_m)
+    solutions, costs = _fit_bends(cells, np.full_like(hinges_m, turn), hinges_m, widths_m, p)
+    further, (right, near) = solutions[:, 0], _rotation(turn) @ solutions[:, 2:].T
     under_rover = further * np.exp(-np.logaddexp(0, hinges_m / widths_m))
     bends = np.stack((hinges_m, right, near + under_rover, near + further))
     weight = np.exp((costs.min() - costs) / (p.cost_tolerance * max(costs.min(), 1e-9)))
     distance_m, rise_right, before, beyond = (bends @ weight / weight.sum()).tolist()
     return _Bend(turn, distance_m, rise_right, before, beyond, float(costs.min()))
+
+
+def _all_pairs(one: ArrayLike, other: ArrayLike) -> tuple[Numbers, Numbers]:
+    """Return every pair of two numbers, as an array of the first and one of the second."""
+    first, second = np.meshgrid(one, other, indexing='ij')
+    return first.ravel(), second.ravel()
 
 
 class _Steps(NamedTuple):
@@ -151,7 +151,7 @@ class _Steps(NamedTuple):
 
     turn: float
     distances_m: tuple[float, ...]
-    rises: NDArray[np.float64]
+    rises: Numbers
     cost: float
 
 
@@ -203,36 +203,21 @@ def _with_step(
     cells: Cells,
     turn: float,
     steps_m: tuple[float, ...],
-    distances_m: NDArray[np.float64],
+    distances_m: Numbers,
     p: VerticalParameters,
 ) -> _Steps:
     """Add the step that fits best to some others, all across a direction turned to the right."""
-    turned = _turned(cells, turn)
-    design = _step_designs(turned, steps_m, distances_m, p)
-    solutions, costs = _solve(design, turned, p)
-    best = int(np.argmin(costs))
-    rises = solutions[best, 1:3] @ _rotation(turn)
-    distances = (*steps_m, float(distances_m[best]))
-    return _Steps(turn, distances, np.asarray(rises), float(costs[best]))
-
-
-def _step_designs(
-    cells: Cells,
-    steps_m: tuple[float, ...],
-    distances_m: NDArray[np.float64],
-    p: VerticalParameters,
-) -> NDArray[np.float64]:
-    """Design with the given steps and one at each of the distances, shape (n, unknowns, cells)."""
-    across, forward = cells[:, 0], cells[:, 1]
     places_m = np.concatenate((steps_m, distances_m))
+    forward = _turned(cells, turn)[:, 1]
     rise = 0.5 + 0.5 * np.tanh((forward - places_m[:, np.newaxis]) / p.step_width_m)
-    known = np.stack((np.ones_like(across), across, forward, *rise[: len(steps_m)]))
-    design = np.empty((len(distances_m), len(known) + 1, len(cells)))
-    design[:, :-1], design[:, -1] = known, rise[len(steps_m) :]
-    return design
+    shared = np.concatenate((_plane(cells), rise[: len(steps_m)]))
+    solutions, costs = _solve(rise[len(steps_m) :], shared, cells, p)
+    best = int(np.argmin(costs))
+    distances = (*steps_m, float(distances_m[best]))
+    return _Steps(turn, distances, solutions[best, 2:4], float(costs[best]))
 
 
-def _rotation(turn: float) -> NDArray[np.float64]:
+def _rotation(turn: float) -> Numbers:
     """From right and forward to across and along a direction turned to the right."""
     return np.array(
         [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]], np.float64
@@ -271,51 +256,82 @@ def _weighted_cells(layers: Sequence[Layer], parameters: TerrainParameters) -> C
     return cells
 
 
-def _fit(cells: Cells, p: VerticalParameters) -> tuple[NDArray[np.float64], float]:
+def _plane(cells: Cells) -> Numbers:
+    """Columns of the design of a plane, shape (3, cells): its level, rises right and forward."""
+    return np.stack((np.ones(len(cells)), cells[:, 0], cells[:, 1]))
+
+
+def _fit(cells: Cells, p: VerticalParameters) -> tuple[Numbers, float]:
     """Level, rise to the right and rise forward of a plane; and its cost."""
-    plane = np.stack((np.ones(len(cells)), cells[:, 0], cells[:, 1]))
-    solutions, costs = _solve(plane[np.newaxis], cells, p)
+    plane = _plane(cells)
+    solutions, costs = _solve(plane[:1], plane[1:], cells, p)
     return solutions[0], float(costs[0])
 
 
-def _fits(
-    cells: Cells, hinges_m: Cells, widths_m: Cells, p: VerticalParameters
-) -> tuple[Cells, Cells]:
-    """Fit a bend with each hinge and width, shape (n, 4) and (n,).
+def _fit_bends(
+    cells: Cells, turns: Numbers, hinges_m: Numbers, widths_m: Numbers, p: VerticalParameters
+) -> tuple[Numbers, Numbers]:
+    """Fit bends across directions turned to the right, each with its hinge and width.
 
-    Level, rise to the right, rise forward, and further rise beyond the hinge; and the cost. The
-    cells have shape (n, cells, 4), or (1, cells, 4) if all fits have the same. All have the same
-    heights and weights.
+    Returns
+    -------
+    solutions : ndarray of float64, shape (n, 4)
+        Further rise beyond the hinge, level, rise to the right, and rise forward.
+    costs : ndarray of float64, shape (n,)
     """
-    across, forward = cells[..., 0], cells[..., 1]
-    design = np.empty((len(hinges_m), 4, cells.shape[1]))
-    design[:, 0], design[:, 1], design[:, 2] = 1, across, forward
-    beyond = (forward - hinges_m[:, np.newaxis]) / widths_m[:, np.newaxis]
+    ahead = np.stack((np.sin(turns), np.cos(turns)))
+    beyond = (cells[:, :2] @ ahead).T - hinges_m[:, np.newaxis]
+    beyond /= widths_m[:, np.newaxis]
     # softplus
-    design[:, 3] = np.log1p(np.exp(-np.abs(beyond))) + np.maximum(beyond, 0)
-    design[:, 3] *= widths_m[:, np.newaxis]
-    return _solve(design, cells[0], p)
+    bent = np.log1p(np.exp(-np.abs(beyond))) + np.maximum(beyond, 0)
+    bent *= widths_m[:, np.newaxis]
+    return _solve(bent, _plane(cells), cells, p)
 
 
 def _solve(
-    design: NDArray[np.float64], cells: Cells, p: VerticalParameters
-) -> tuple[Cells, Cells]:
-    """Solve for the heights of the cells by each design, shape (n, unknowns, cells)."""
+    own: Numbers, shared: Numbers, cells: Cells, p: VerticalParameters
+) -> tuple[Numbers, Numbers]:
+    """Fit the heights of the cells by several designs that differ in their first column.
+
+    Parameters
+    ----------
+    own : ndarray of float64, shape (n, cells)
+        First column of each design.
+    shared : ndarray of float64, shape (m, cells)
+        Their other columns.
+    cells : ndarray of float64, shape (cells, 4)
+    p : VerticalParameters
+
+    Returns
+    -------
+    solutions : ndarray of float64, shape (n, 1 + m)
+    costs : ndarray of float64, shape (n,)
+    """
     # Half the time of float64; for ground in view, the results hardly differ.
-    design, cells = design.astype(np.float32), cells.astype(np.float32)
-    height, share = cells[:, 2], cells[:, 3]
-    ridge = 1e-6 * np.identity(design.shape[1])
-    transposed, weighted = design.transpose(0, 2, 1), np.empty_like(design)
-    weight = np.broadcast_to(share, (len(design), len(height)))
+    first, others, height, share = (
+        each.astype(np.float32) for each in (own, shared, cells[:, 2], cells[:, 3])
+    )
+    # Products of the shared columns with each other and with the heights.
+    sides = np.concatenate((others, height[np.newaxis]))
+    products = (others[:, np.newaxis] * sides).reshape(-1, len(height))
+    # The normal equations, with their right side as the last column.
+    equations = np.empty((len(first), 1 + len(others), 1 + len(sides)))
+    matrix = equations[:, :, :-1]
+    ridge = 1e-6 * np.identity(1 + len(others))
+    weight = np.broadcast_to(share, first.shape)
     for _ in range(p.iterations):
-        np.multiply(design, weight[:, np.newaxis], out=weighted)
-        normal_matrix = (weighted @ transposed).astype(np.float64)
-        normal_matrix += (
-            np.trace(normal_matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * ridge
-        )
-        solution = np.linalg.solve(normal_matrix, (weighted @ height)[..., np.newaxis])[..., 0]
-        residual = height - (solution[:, np.newaxis].astype(np.float32) @ design)[:, 0]
+        weighted = weight * first
+        equations[:, 0, 0] = np.einsum('ij,ij->i', weighted, first)
+        equations[:, 0, 1:] = weighted @ sides.T
+        equations[:, 1:, 0] = equations[:, 0, 1:-1]
+        equations[:, 1:, 1:] = (weight @ products.T).reshape(-1, len(others), len(sides))
+        matrix += np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * ridge
+        solution = np.linalg.solve(matrix, equations[:, :, -1:])[..., 0]
+        factors = solution.astype(np.float32)
+        residual = height - factors[:, 1:] @ others
+        residual -= factors[:, :1] * first
         residual /= np.float32(p.relief_m)
         squares = residual * residual
-        weight = share / (1 + squares)
-    return np.asarray(solution, np.float64), np.asarray((share * np.log1p(squares)).sum(axis=1))
+        weight = np.asarray(share / (1 + squares), np.float32)
+    costs = (share * np.log1p(squares)).sum(axis=1)
+    return np.asarray(solution), np.asarray(costs, np.float64)

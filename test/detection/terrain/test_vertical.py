@@ -157,9 +157,10 @@ def test_a_fit_has_the_least_cost():
 def test_a_bend_of_the_true_shape_fits_without_error():
     soft = together(tilted(0.1, 0.05), bank(20, 1.0, 0.5), lambda x, y: 0.7)
     hinges_m, widths_m = np.array([1.0, 2.0]), np.array([0.5, 0.15])
-    cells = cells_of(soft)[np.newaxis]
-    bends, costs = module._fits(cells, hinges_m, widths_m, VerticalParameters())
-    expected = [0.7, 0.1, 0.05, math.tan(math.radians(20))]
+    bends, costs = module._fit_bends(
+        cells_of(soft), np.zeros(2), hinges_m, widths_m, VerticalParameters()
+    )
+    expected = [math.tan(math.radians(20)), 0.7, 0.1, 0.05]
     np.testing.assert_allclose(bends[0], expected, atol=1e-3)
     assert costs[0] < 1e-5 < costs[1]
 
