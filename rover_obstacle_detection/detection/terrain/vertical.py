@@ -162,18 +162,19 @@ def _find_steps(cells: Cells, p: VerticalParameters) -> _Steps:
     ratio = distances_m[1] / distances_m[0]
     around = ratio ** np.linspace(-1, 1, p.step_distances)
 
-    def refined(steps: _Steps) -> _Steps:
-        *others_m, last_m = steps.distances_m
-        moved = _with_step(cells, steps.turn, tuple(others_m), last_m * around, p)
-        return min(steps, moved, key=_cost)
-
     def with_one_more(turn: float, others_m: tuple[float, ...]) -> _Steps:
-        return refined(_with_step(cells, turn, others_m, distances_m, p))
+        (added,) = _with_step(cells, [turn], distances_m[np.newaxis], p, others_m)
+        around_m = added.distances_m[-1] * around[np.newaxis]
+        (moved,) = _with_step(cells, [turn], around_m, p, others_m)
+        return min(added, moved, key=_cost)
 
-    turns = [math.radians(turn_deg) for turn_deg in p.turns_deg]
-    single = [_with_step(cells, turn, (), distances_m, p) for turn in turns]
+    turns = np.radians(p.turns_deg).tolist()
+    single = _with_step(cells, turns, np.tile(distances_m, (len(turns), 1)), p)
     # One step says little about the direction, so the second decides.
-    found = [refined(steps) for steps in sorted(single, key=_cost)[: p.first_turns]]
+    single = sorted(single, key=_cost)[: p.first_turns]
+    moved_m = np.array([each.distances_m for each in single]) * around
+    moved = _with_step(cells, [each.turn for each in single], moved_m, p)
+    found = [min(pair, key=_cost) for pair in zip(single, moved, strict=True)]
     steps = min(found, key=_cost)
     while len(steps.distances_m) < p.max_steps:
         more = [with_one_more(each.turn, each.distances_m) for each in found]
@@ -201,20 +202,46 @@ def _cost(steps: _Steps) -> float:
 
 def _with_step(
     cells: Cells,
-    turn: float,
-    steps_m: tuple[float, ...],
+    turns: Sequence[float],
     distances_m: Numbers,
     p: VerticalParameters,
-) -> _Steps:
-    """Add the step that fits best to some others, all across a direction turned to the right."""
-    places_m = np.concatenate((steps_m, distances_m))
-    forward = _turned(cells, turn)[:, 1]
-    rise = 0.5 + 0.5 * np.tanh((forward - places_m[:, np.newaxis]) / p.step_width_m)
-    shared = np.concatenate((_plane(cells), rise[: len(steps_m)]))
-    solutions, costs = _solve(rise[len(steps_m) :], shared, cells, p)
-    best = int(np.argmin(costs))
-    distances = (*steps_m, float(distances_m[best]))
-    return _Steps(turn, distances, solutions[best, 2:4], float(costs[best]))
+    others_m: tuple[float, ...] = (),
+) -> list[_Steps]:
+    """Find the step that fits best across each direction, of those at the given distances.
+
+    Parameters
+    ----------
+    cells : ndarray of float64, shape (cells, 4)
+    turns : sequence of float
+        Directions to the right, radians. Only one if there are other steps.
+    distances_m : ndarray of float64, shape (turns, n)
+    p : VerticalParameters
+    others_m : tuple of float
+        Distances of other steps, whose heights are fitted as well.
+    """
+    forward = _ahead(cells, np.asarray(turns))
+    shared = np.concatenate((_plane(cells), _step(forward[:1], np.array(others_m), p)))
+    own = _step(forward[:, np.newaxis], distances_m, p)
+    solutions, costs = _solve(own.reshape(-1, len(cells)), shared, cells, p)
+    of_turn = costs.reshape(-1, len(distances_m[0]))
+    best = of_turn.argmin(axis=1) + np.arange(0, costs.size, len(distances_m[0]))
+    return [
+        _Steps(
+            turn, (*others_m, float(distances_m.flat[at])), solutions[at, 2:4], float(costs[at])
+        )
+        for turn, at in zip(turns, best, strict=True)
+    ]
+
+
+def _step(forward: Numbers, distances_m: Numbers, p: VerticalParameters) -> Numbers:
+    """Return a step of height 1 at each of the distances."""
+    beyond = forward - distances_m[..., np.newaxis]
+    return np.asarray(0.5 + 0.5 * np.tanh(beyond / p.step_width_m))
+
+
+def _ahead(cells: Cells, turns: Numbers) -> Numbers:
+    """Distance of the cells along directions turned to the right, shape (turns, cells)."""
+    return np.asarray(np.stack((np.sin(turns), np.cos(turns)), axis=1) @ cells[:, :2].T)
 
 
 def _rotation(turn: float) -> Numbers:
@@ -279,8 +306,7 @@ def _fit_bends(
         Further rise beyond the hinge, level, rise to the right, and rise forward.
     costs : ndarray of float64, shape (n,)
     """
-    ahead = np.stack((np.sin(turns), np.cos(turns)))
-    beyond = (cells[:, :2] @ ahead).T - hinges_m[:, np.newaxis]
+    beyond = _ahead(cells, turns) - hinges_m[:, np.newaxis]
     beyond /= widths_m[:, np.newaxis]
     # softplus
     bent = np.log1p(np.exp(-np.abs(beyond))) + np.maximum(beyond, 0)
@@ -325,7 +351,7 @@ def _solve(
         equations[:, 0, 1:] = weighted @ sides.T
         equations[:, 1:, 0] = equations[:, 0, 1:-1]
         equations[:, 1:, 1:] = (weight @ products.T).reshape(-1, len(others), len(sides))
-        matrix += np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * ridge
+        matrix += np.einsum('nii->n', matrix)[:, np.newaxis, np.newaxis] * ridge
         solution = np.linalg.solve(matrix, equations[:, :, -1:])[..., 0]
         factors = solution.astype(np.float32)
         residual = height - factors[:, 1:] @ others
