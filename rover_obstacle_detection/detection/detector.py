@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.allocation import keep_freed_memory
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -77,6 +78,7 @@ class Detector:
             raise ImageError(msg)
         self.rover_mask = rover_mask
         self._stages = stages
+        keep_freed_memory()
 
     def detect(
         self,
