@@ -26,8 +26,8 @@ def resident_mb():
 del (first := [np.ones(30 << 20, np.uint8)])[0]
 before = resident_mb()
 large, small = [], []
-for _ in range(32):
-    large.append(np.ones(2 << 20, np.uint8))
+for _ in range(11):
+    large.append(np.ones(6 << 20, np.uint8))
     small.append(np.ones(64 << 10, np.uint8))
 large.clear()
 print(resident_mb() - before)
@@ -35,7 +35,7 @@ print(resident_mb() - before)
 
 
 def kept_mb(mode: str, **variables: str) -> float:
-    """Memory that a process keeps after it freed 64 MB."""
+    """Memory that a process keeps after it freed 66 MB."""
     done = subprocess.run(
         [sys.executable, '-c', FREE, mode],
         check=True,
