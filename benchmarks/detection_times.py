@@ -1,4 +1,4 @@
-"""What `Detector.detect` takes: against plain SGBM, by stage, by working scale, by listing.
+"""What `Detector.detect` takes: against plain SGBM, by stage, by resolution, by listing.
 
 All times are those of plain SGBM and of the detector in turns, in one process.
 """
@@ -13,7 +13,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from benchmark_scenes import STANDARD, Pair, Scene, plain_seconds, standard_scenes
-from effort import Effort
+from effort import DEFAULT, Effort
 from findings import Findings, Line, at_least, at_most
 
 from rover_obstacle_detection import Detector, DetectorConfig
@@ -21,11 +21,10 @@ from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.evaluation.figures import Figures, score
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.methods.registry import make_method
-from rover_obstacle_detection.evaluation.tables import Table, number
+from rover_obstacle_detection.evaluation.tables import Table, number, percent
 from rover_obstacle_detection.offline.stopwatch import Stopwatch
 
 CLOUDS = 'clouds and obstacles, on request'
-DEFAULT_SCALE = 0.0
 MEDIAN_GOAL, WORST_GOAL, LISTING_GOAL = 1.0, 2.0, 50.0
 
 
@@ -66,31 +65,29 @@ class Turn(NamedTuple):
 
 
 def detection_findings(scenes: Sequence[Scene], effort: Effort) -> Findings:
-    """Measure all scenes at the default scale, those of 1024 x 768 also at fixed ones."""
+    """Measure all scenes by default, those of 1024 x 768 also at other resolutions."""
     standard = standard_scenes(scenes)
-    default = [measured(scene.pair, DEFAULT_SCALE, effort.turns) for scene in standard]
+    default = [measured(scene.pair, DEFAULT, effort.turns) for scene in standard]
     others = [
-        measured(scene.pair, DEFAULT_SCALE, effort.turns)
-        for scene in scenes
-        if scene.size != STANDARD
+        measured(scene.pair, DEFAULT, effort.turns) for scene in scenes if scene.size != STANDARD
     ]
-    by_scale = {
-        scale: default
-        if scale == DEFAULT_SCALE
-        else [measured(scene.pair, scale, effort.turns) for scene in standard]
-        for scale in effort.scales
+    by_config = {
+        config: default
+        if config == DEFAULT
+        else [measured(scene.pair, config, effort.turns) for scene in standard]
+        for config in effort.configs
     }
     lines = (
         *ratio_lines(default),
         *smaller_lines(others),
         listing_line(standard[: effort.listing_pairs], default),
     )
-    return Findings(lines, {'stages': stage_table(default), 'curve': curve_table(by_scale)})
+    return Findings(lines, {'stages': stage_table(default), 'curve': curve_table(by_config)})
 
 
-def measured(pair: Pair, scale: float, turns: int) -> PairTimes:
-    """Detect in one pair at one scale, in turns with plain SGBM."""
-    detector = Detector(pair.camera, DetectorConfig(working_scale=scale))
+def measured(pair: Pair, config: DetectorConfig, turns: int) -> PairTimes:
+    """Detect in one pair, in turns with plain SGBM."""
+    detector = Detector(pair.camera, config)
     # The first turn is a warm-up.
     found, _ = detected(detector, pair)
     plain, plain_cpu, taken = [], [], []
@@ -183,17 +180,17 @@ def stage_table(times: Sequence[PairTimes]) -> Table:
     return Table('Stages', ('stage', 'x SGBM', 'ms'), rows)
 
 
-def curve_table(by_scale: dict[float, list[PairTimes]]) -> Table:
-    """Tabulate time and accuracy over the working scale."""
+def curve_table(by_config: dict[DetectorConfig, list[PairTimes]]) -> Table:
+    """Tabulate time and accuracy over the resolution."""
     rows = []
-    for scale, times in by_scale.items():
+    for config, times in by_config.items():
         ratios = [each.ratio for each in times]
         figures = [each.figures for each in times if each.figures is not None]
         ious = [each.iou for each in figures if each.iou is not None]
         total = sum(figures, Figures())
         rows.append(
             (
-                '0: follows the step (default)' if scale == DEFAULT_SCALE else f'{scale:g}',
+                setting(config),
                 f'{statistics.median(ratios):.2f}',
                 f'{max(ratios):.2f}',
                 f'{median_ms(each.seconds for each in times):.0f}',
@@ -201,10 +198,11 @@ def curve_table(by_scale: dict[float, list[PairTimes]]) -> Table:
                 number(min(ious, default=None)),
                 f'{total.obstacles_found}/{total.obstacles}',
                 str(total.false_alarms),
+                percent(total.called_free_share, 1),
             )
         )
     header = (
-        '`working_scale`',
+        'setting',
         'x SGBM, median',
         'worst',
         'ms',
@@ -212,5 +210,14 @@ def curve_table(by_scale: dict[float, list[PairTimes]]) -> Table:
         'worst IoU',
         'obstacles found',
         'false alarms',
+        'obstacle pixels called free',
     )
     return Table('Accuracy over time', header, rows)
+
+
+def setting(config: DetectorConfig) -> str:
+    """Name what decides the resolution."""
+    if config.working_scale:
+        return f'`working_scale` {config.working_scale:g}'
+    default = ' (default)' if config == DEFAULT else ''
+    return f'`speed` {config.speed}{default}'

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rover_obstacle_detection import DetectorConfig
+
 Size = tuple[int, int]
+DEFAULT = DetectorConfig()
 
 
 @dataclass(frozen=True)
@@ -17,8 +20,8 @@ class Effort:
         Turns per pair, after one to warm up.
     frames_per_bag : int, optional
         Frames that are read of each bag; all if omitted.
-    scales : tuple of float
-        Values of ``working_scale``; 0, the default, comes first.
+    configs : tuple of DetectorConfig
+        Resolutions to compare; the default comes first.
     sizes : tuple of tuple of int
         Widths and heights, ascending, to which a pair is resized.
     listing_pairs : int
@@ -39,7 +42,12 @@ class Effort:
 
     turns: int = 7
     frames_per_bag: int | None = None
-    scales: tuple[float, ...] = (0.0, 0.5, 0.625, 0.75, 1.0)
+    configs: tuple[DetectorConfig, ...] = (
+        DEFAULT,
+        DetectorConfig(speed='fast'),
+        DetectorConfig(speed='accurate'),
+        DetectorConfig(working_scale=1.0),
+    )
     sizes: tuple[Size, ...] = (
         (320, 240),
         (512, 384),
@@ -64,7 +72,7 @@ FULL = Effort()
 QUICK = Effort(
     turns=1,
     frames_per_bag=1,
-    scales=(0.0, 0.5),
+    configs=(DEFAULT, DetectorConfig(speed='fast')),
     sizes=((320, 240), (640, 480)),
     listing_pairs=1,
     live_pairs=20,

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import synthetic
 from benchmark_scenes import STANDARD, Scene, resized, standard_scenes
-from detection_times import DEFAULT_SCALE, PairTimes, measured
-from effort import Effort, Size
+from detection_times import PairTimes, measured
+from effort import DEFAULT, Effort, Size
 from findings import Findings, Line, at_most
 
 from rover_obstacle_detection.bags.stereo import StereoPair
@@ -27,8 +27,7 @@ def growth_findings(scenes: Sequence[Scene], effort: Effort) -> Findings:
     """Measure one pair at all sizes, and a camera before one rock and before many."""
     scene = standard_scenes(scenes)[0]
     times = {
-        size: measured(resized(scene.pair, *size), DEFAULT_SCALE, effort.turns)
-        for size in effort.sizes
+        size: measured(resized(scene.pair, *size), DEFAULT, effort.turns) for size in effort.sizes
     }
     lines = (power_line(times, scene.name), rocks_line(effort.turns))
     return Findings(lines, {'sizes': size_table(times)})
@@ -64,7 +63,7 @@ def rocks_line(turns: int) -> Line:
     """Compare a view of one rock with a view of many by the same camera."""
     places = [(x, y) for y in ROWS_M for x in COLUMNS_M]
     few, many = (rock_view(each) for each in ([(0.0, 1.2)], places))
-    seconds = [measured(each, DEFAULT_SCALE, turns).seconds for each in (few, many)]
+    seconds = [measured(each, DEFAULT, turns).seconds for each in (few, many)]
     growth = seconds[1] / seconds[0]
     return Line(
         f'time with {len(places)} rocks relative to one rock, ray-cast boxes, same camera',

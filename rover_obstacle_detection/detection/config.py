@@ -11,6 +11,7 @@ from rover_obstacle_detection.errors import ConfigurationError
 Value = bool | int | float | str
 
 METHODS = ('hybrid', 'study')
+SPEEDS = ('accurate', 'balanced', 'fast')
 MAX_GRID_CELLS = 1000
 """Cells of `DetectorConfig.grid_extent`."""
 BLOCK_SIZES = {'hybrid': 3, 'study': 5}
@@ -180,10 +181,16 @@ class DetectorConfig:
         1.0,
         90.0,
     )
+    speed: str = _parameter(
+        'balanced',
+        'Method hybrid: how many pixels are judged. The more, the finer are outlines, and the '
+        'longer it takes.',
+        choices=SPEEDS,
+    )
     working_scale: float = _parameter(
         0.0,
         'Method hybrid: scale at which images are judged; 1: as they are; 0: so that the step has '
-        'enough pixels.',
+        'as many pixels as the speed allows.',
         0.0,
         1.0,
         smallest=0.05,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.parameters import (
+    RESOLUTIONS,
     GroundCheckParameters,
     PlaneFitParameters,
     ResolutionParameters,
@@ -55,8 +56,11 @@ class DetectorParameters:
                 known_height_m=c.camera_height,
             ),
             ground_check=GroundCheckParameters(max_tilt_deg=c.max_slope),
-            resolution=ResolutionParameters(
-                max_step_m=c.max_step, max_range_m=c.max_range, scale=c.working_scale
+            resolution=replace(
+                RESOLUTIONS[c.speed],
+                max_step_m=c.max_step,
+                max_range_m=c.max_range,
+                scale=c.working_scale,
             ),
             images=ImageParameters(),
             rectification=RectificationParameters(),

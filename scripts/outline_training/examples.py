@@ -34,6 +34,9 @@ from rover_obstacle_detection.simulation.suite import load_suite
 
 _PLACES_PER_PART = 40
 
+SPEEDS = ('balanced', 'fast')
+"""Speeds of the detector, each with its own number of pixels, at which examples are made."""
+
 
 @dataclass(frozen=True, eq=False)
 class Example:
@@ -84,6 +87,8 @@ def bags_of_suite(
 def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
     """Make examples of all labelled frames of recordings, and name the frames that are skipped.
 
+    Each frame gives one for each of the `SPEEDS`.
+
     Parameters
     ----------
     paths : iterable of Path
@@ -105,7 +110,7 @@ def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
                     continue
                 has_labels = True
                 try:
-                    examples.append(example_of(frame))
+                    examples += [example_of(frame, speed) for speed in SPEEDS]
                 except UnjudgeablePairError as error:
                     print(f'skipped: {path}: {error}', file=sys.stderr)
         if not has_labels:
@@ -114,15 +119,21 @@ def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
     return examples
 
 
-def example_of(frame: LabelledFrame) -> Example:
+def example_of(frame: LabelledFrame, speed: str) -> Example:
     """Compute a frame's features as the detector does where gravity is not known.
+
+    Parameters
+    ----------
+    frame : LabelledFrame
+    speed : str
+        Of the detector.
 
     Raises
     ------
     UnjudgeablePairError
         If the pair says nothing about the ground, or contradicts itself.
     """
-    parameters = DetectorParameters.from_config(DetectorConfig())
+    parameters = DetectorParameters.from_config(DetectorConfig(speed=speed))
     pair = grey_pair(frame.left, frame.right, frame.camera)
     measured = measure(Frame(pair, frame.camera), parameters)
     standing = standing_parts(measured.terrain, parameters.rocks)

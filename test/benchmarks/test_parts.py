@@ -15,6 +15,7 @@ from detection_times import PairTimes, curve_table, ratio_lines, smaller_lines, 
 from growth import power_line, rock_view, size_table
 from replay_times import file_share, pair_rate_hz, replayed
 
+from rover_obstacle_detection import DetectorConfig
 from rover_obstacle_detection.bags.stereo import StereoPair
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.evaluation.figures import Figures
@@ -73,18 +74,33 @@ def test_stages_are_means_over_the_scenes() -> None:
     assert stage_table([times(1.0), times(3.0, 0.3)]).rows == [('match', '1.00', '100.0')]
 
 
-def test_curve_has_time_and_accuracy_of_each_scale() -> None:
-    good = Figures(frames=1, true_positives=9, false_negatives=1, rocks=2, rocks_found=2)
+def test_curve_has_time_and_accuracy_of_each_setting() -> None:
+    good = Figures(
+        frames=1,
+        true_positives=9,
+        false_negatives=1,
+        rocks=2,
+        rocks_found=2,
+        called_free=1,
+        checked_obstacle_pixels=10,
+    )
     poor = Figures(
         frames=1, true_positives=1, false_negatives=1, rocks=2, rocks_found=1, false_alarms=3
     )
     rows = curve_table(
-        {0.0: [times(1.0, figures=good), times(2.0, figures=poor)], 0.5: [times(0.5)]}
+        {
+            DetectorConfig(): [times(1.0, figures=good), times(2.0, figures=poor)],
+            DetectorConfig(speed='fast'): [times(0.5)],
+            DetectorConfig(working_scale=0.5): [times(0.5)],
+        }
     ).rows
-    assert rows == [
-        ('0: follows the step (default)', '1.50', '2.00', '100', '0.700', '0.500', '3/4', '3'),
-        ('0.5', '0.50', '0.50', '100', '-', '-', '0/0', '0'),
+    assert [row[0] for row in rows] == [
+        '`speed` balanced (default)',
+        '`speed` fast',
+        '`working_scale` 0.5',
     ]
+    assert rows[0][1:] == ('1.50', '2.00', '100', '0.700', '0.500', '3/4', '3', '10.0 %')
+    assert rows[1][1:] == rows[2][1:] == ('0.50', '0.50', '100', '-', '-', '0/0', '0', '-')
 
 
 def test_power_is_one_where_time_is_linear() -> None:

@@ -18,6 +18,7 @@ CONFIGURED = {
     'camera_height': ('plane_fit',),
     'max_camera_pitch': ('plane_fit',),
     'max_camera_roll': ('plane_fit',),
+    'speed': ('resolution',),
     'working_scale': ('resolution',),
     'ground_cell': ('result',),
     'grid_cell': ('result',),

@@ -146,13 +146,13 @@ def test_good_state_is_ok_with_all_values() -> None:
             'detection',
             WARN,
             'results come 2.4 s after their images (95th percentile of the last 10 s): expected '
-            'at most max_image_age, 2 s; lower working_scale',
+            'at most max_image_age, 2 s; set speed to fast',
         ),
         (
             load(seconds=10.0, pairs=100, dropped=77, ended=23),
             'detection',
             WARN,
-            "2.3 of 10.0 pairs per second are judged: lower the camera's rate or working_scale",
+            "2.3 of 10.0 pairs per second are judged: lower the camera's rate or set speed to fast",
         ),
         ({'connections': Connections(errors=('two', 'more'))}, 'connections', ERROR, 'two; more'),
         ({'connections': Connections(warnings=('nothing',))}, 'connections', WARN, 'nothing'),

@@ -26,6 +26,7 @@ from outline_training.export import read_network, write_model
 from outline_training.network import OutlineNet
 from outline_training.score import mean_iou
 from outline_training.train import Batch, loss_of, pixel_logits
+from synthetic import Box, mast, render
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -39,6 +40,7 @@ from rover_obstacle_detection.detection.rocks.outline_features import (
 )
 from rover_obstacle_detection.detection.rocks.outline_model import VERSION_KEY, OutlineModel
 from rover_obstacle_detection.errors import ModelError, UnjudgeablePairError
+from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED, ROCK
 
 BAG = Path(__file__).parents[2] / 'bags' / 'simulated_vga_moon'
@@ -215,12 +217,26 @@ def test_a_pair_that_cannot_be_judged_is_skipped_and_named(monkeypatch, capsys):
 
 def test_labels_have_the_resolution_at_which_the_pair_was_judged(monkeypatch):
     config = DetectorConfig(working_scale=0.5)
-    monkeypatch.setattr(examples, 'DetectorConfig', lambda: config)
-    (made,) = examples_of_bags([BAG])
+    monkeypatch.setattr(examples, 'DetectorConfig', lambda speed: config)
+    made, _ = examples_of_bags([BAG])
     assert made.rock.shape == made.counted.shape == made.features.shape[1:] == (150, 200)
     # The labels lie where the features show something that stands up.
     height = made.features[HEIGHT].float()
     assert height[made.rock].mean() > height[made.counted & ~made.rock].mean() + 0.3
+
+
+def test_examples_are_made_at_all_speeds():
+    view = render(mast(1280, 960, solids=(Box(-0.35, 1.0, 0.25, 0.25, 0.2),)))
+    frame = LabelledFrame(
+        stamp_ns=0,
+        camera=view.scene.camera,
+        left=view.left,
+        right=view.right,
+        labels=view.obstacle.astype(np.uint8),
+        instances=view.obstacle.astype(np.uint16),
+    )
+    sizes = [examples.example_of(frame, speed).rock.shape for speed in examples.SPEEDS]
+    assert sizes == [(480, 640), (339, 453)]
 
 
 @pytest.mark.parametrize('shape', [(200, 240), (90, 300)])

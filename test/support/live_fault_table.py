@@ -232,7 +232,7 @@ LIVE_ROWS = (
         LIVE,
         'results that come late',
         'results come N s after their images (95th percentile of the last N s): expected at most '
-        'max_image_age, N s; lower working_scale',
+        'max_image_age, N s; set speed to fast',
         faults.slow,
         level='WARN',
         status='detection',
@@ -240,7 +240,7 @@ LIVE_ROWS = (
     Row(
         LIVE,
         'more pairs than the computer can judge',
-        "N of N pairs per second are judged: lower the camera's rate or working_scale",
+        "N of N pairs per second are judged: lower the camera's rate or set speed to fast",
         faults.flood,
         level='WARN',
         status='detection',

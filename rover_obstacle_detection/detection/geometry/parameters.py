@@ -145,14 +145,12 @@ class ResolutionParameters:
     scale : float
         Fixed scale of the images; 0 lets it follow from the step. Set by the user.
     step_px : float
-        Size of the step in the reduced image, at the distance that `far_share` gives. A trade: 8
-        loses 0.006 of IoU on the tuning scenes of 1024 x 768, 12 gains 0.005 and takes a quarter
-        longer.
+        Size of the step in the reduced image, at the distance that `far_share` gives. A trade, see
+        `RESOLUTIONS`.
     far_share : float
         Share of the ground's pixels that lie farther away than that distance.
     min_pixels : int
-        Fewest pixels of the reduced image. Derived: those of 640 x 480, since the filters have
-        sizes in pixels.
+        Fewest pixels of the reduced image, since the filters have sizes in pixels. A trade, too.
     min_side_px : int
         Shortest side of the reduced image at a fixed scale. Derived: the filters' widest windows
         are 33 pixels wide.
@@ -168,3 +166,11 @@ class ResolutionParameters:
     min_pixels: int = 640 * 480
     min_side_px: int = 48
     max_scale: float = 0.95
+
+
+RESOLUTIONS = {
+    'accurate': ResolutionParameters(step_px=13.0, min_pixels=800 * 600),
+    'balanced': ResolutionParameters(),
+    'fast': ResolutionParameters(step_px=7.0, min_pixels=480 * 320),
+}
+"""For each speed that a user can choose. What they gain and cost: docs/performance.md."""

@@ -23,8 +23,8 @@ SIZE = SCENE.camera.shape
 
 
 @cache
-def found(working_scale=0.0):
-    return detect(SCENE, working_scale=working_scale)[0]
+def found(working_scale=0.0, speed='balanced'):
+    return detect(SCENE, working_scale=working_scale, speed=speed)[0]
 
 
 def test_near_ground_is_judged_at_a_quarter_of_the_pixels():
@@ -33,6 +33,17 @@ def test_near_ground_is_judged_at_a_quarter_of_the_pixels():
     assert found().camera is SCENE.camera
     assert type(found(1.0)) is not EnlargedDetection
     assert repr(found()).startswith('<Detection 1280 x 960, ')
+
+
+@pytest.mark.parametrize(
+    ('speed', 'pixels'), [('accurate', 800 * 600), ('balanced', 640 * 480), ('fast', 480 * 320)]
+)
+def test_speed_decides_how_many_pixels_are_judged(speed, pixels):
+    judged = found(speed=speed).judged.camera
+    assert judged.width * judged.height == pytest.approx(pixels, rel=0.005)
+    assert iou(found(speed=speed).mask, render(SCENE).obstacle) > 0.88
+    # A fixed scale counts whatever the speed.
+    assert found(1.0, speed).mask.tobytes() == found(1.0).mask.tobytes()
 
 
 def test_mask_agrees_with_the_truth_and_with_that_of_all_pixels():
