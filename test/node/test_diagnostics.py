@@ -152,7 +152,8 @@ def test_good_state_is_ok_with_all_values() -> None:
             load(seconds=10.0, pairs=100, dropped=77, ended=23),
             'detection',
             WARN,
-            "2.3 of 10.0 pairs per second are judged: lower the camera's rate or set speed to fast",
+            "2.3 of 10.0 pairs per second are judged: lower the camera's rate or "
+            'set speed to fast',
         ),
         ({'connections': Connections(errors=('two', 'more'))}, 'connections', ERROR, 'two; more'),
         ({'connections': Connections(warnings=('nothing',))}, 'connections', WARN, 'nothing'),
