@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -23,6 +23,7 @@ from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.result.enlarged import resized
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
+from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
@@ -35,7 +36,9 @@ from rover_obstacle_detection.simulation.suite import load_suite
 _PLACES_PER_PART = 40
 
 SPEEDS = ('balanced', 'fast')
-"""Speeds of the detector, each with its own number of pixels, at which examples are made."""
+"""Speeds of the detector, each with its own number of pixels, at which examples are made.
+
+A teacher sees the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +55,15 @@ class Example:
         its output there does not matter.
     places : ndarray of int, shape (n, 2)
         Rows and columns on rocks, and on whatever else stands up.
+    taught : Tensor of float16, shape (height, width), optional
+        The teacher's probability of rock.
     """
 
     features: torch.Tensor
     rock: torch.Tensor
     counted: torch.Tensor
     places: NDArray[np.intp]
+    taught: torch.Tensor | None = None
 
 
 def bags_of_suite(
@@ -84,7 +90,7 @@ def bags_of_suite(
             yield simulated_bag(scene, folder)
 
 
-def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
+def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None) -> list[Example]:
     """Make examples of all labelled frames of recordings, and name the frames that are skipped.
 
     Each frame gives one for each of the `SPEEDS`.
@@ -92,6 +98,8 @@ def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
     Parameters
     ----------
     paths : iterable of Path
+    teacher : OutlineModel, optional
+        A model to learn from, besides the labels.
 
     Raises
     ------
@@ -110,9 +118,11 @@ def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
                     continue
                 has_labels = True
                 try:
-                    examples += [example_of(frame, speed) for speed in SPEEDS]
+                    made = [example_of(frame, speed) for speed in SPEEDS]
                 except UnjudgeablePairError as error:
                     print(f'skipped: {path}: {error}', file=sys.stderr)
+                    continue
+                examples += with_teacher(made, teacher) if teacher else made
         if not has_labels:
             msg = f'{path}: no labelled frame'
             raise BagError(msg)
@@ -148,6 +158,24 @@ def example_of(frame: LabelledFrame, speed: str) -> Example:
         torch.from_numpy(rock | (labels == FREE)),
         even_places(rock | (standing.parts > 0)),
     )
+
+
+def with_teacher(made: Sequence[Example], teacher: OutlineModel) -> list[Example]:
+    """Add what a teacher says of the first of the examples of one frame to all of them.
+
+    It is asked at the resolution that it was trained for, and teaches the others what it sees
+    there (Lopez-Paz et al. 2016).
+    """
+    seen = teacher.probability(made[0].features.numpy().astype(np.float32))
+    return [
+        replace(
+            each,
+            taught=torch.from_numpy(
+                cv2.resize(seen, each.rock.shape[::-1], interpolation=cv2.INTER_AREA)
+            ).half(),
+        )
+        for each in made
+    ]
 
 
 def straightened_labels(

@@ -15,7 +15,7 @@ import onnx
 import torch
 import train_outlines
 from outline_training import crops, examples, export, train
-from outline_training.crops import CROP_PX, GREY, HEIGHT, MEASURED, SCALE, random_crop
+from outline_training.crops import CROP_PX, GREY, HEIGHT, MEASURED, SCALE, Crop, random_crop
 from outline_training.examples import (
     Example,
     even_places,
@@ -25,7 +25,7 @@ from outline_training.examples import (
 from outline_training.export import read_network, write_model
 from outline_training.network import OutlineNet
 from outline_training.score import mean_iou
-from outline_training.train import Batch, loss_of, pixel_logits
+from outline_training.train import loss_of, pixel_logits
 from synthetic import Box, mast, render
 
 from rover_obstacle_detection.detection.config import DetectorConfig
@@ -167,7 +167,7 @@ def test_what_is_not_counted_does_not_matter():
     rock = (logits > 1).float()
     counted = torch.ones_like(rock)
     counted[:, 5:10] = 0
-    batch = Batch(logits, rock, counted)
+    batch = Crop(logits, rock, counted)
     changed = torch.where(counted > 0, logits, -7 * logits)
     torch.testing.assert_close(loss_of(changed, batch), loss_of(logits, batch))
     assert loss_of(40 * (rock - 0.5), batch) < 1e-3
@@ -178,7 +178,7 @@ def test_where_labels_do_not_count_only_the_teacher_does():
     logits = torch.from_numpy(random_features(20, 20)[:2])
     rock, counted = (logits > 1).float(), torch.zeros_like(logits)
     taught = torch.sigmoid(torch.from_numpy(random_features(20, 20)[2:4]))
-    batch, other = Batch(logits, rock, counted, taught), Batch(logits, 1 - rock, counted, taught)
+    batch, other = Crop(logits, rock, counted, taught), Crop(logits, 1 - rock, counted, taught)
     torch.testing.assert_close(loss_of(logits, batch), loss_of(logits, other))
     assert loss_of(torch.logit(taught), batch) < loss_of(logits, batch)
 
@@ -186,7 +186,7 @@ def test_where_labels_do_not_count_only_the_teacher_does():
 def test_where_labels_count_the_best_answer_is_between_them_and_the_teacher(monkeypatch):
     monkeypatch.setattr(train, '_IOU_WEIGHT', 0)
     one = torch.ones(1, 1, 1)
-    batch = Batch(one, one, one, 0.2 * one)
+    batch = Crop(one, one, one, 0.2 * one)
     best = 1 - train._TEACHER_WEIGHT * 0.8
     losses = {
         share: loss_of(torch.logit(share * one), batch).item()
@@ -195,13 +195,40 @@ def test_where_labels_count_the_best_answer_is_between_them_and_the_teacher(monk
     assert min(losses, key=losses.__getitem__) == best
 
 
-def test_a_teacher_is_asked_about_the_very_crops_of_the_batch():
-    class Teacher:
-        def probability(self, features):
-            return features[GREY]
+class Teacher:
+    """Takes bright pixels for rock."""
 
-    batch = train.random_batch([example()], np.random.default_rng(0), Teacher())
-    torch.testing.assert_close(batch.taught, batch.features[:, GREY])
+    def probability(self, features):
+        return np.clip(features[GREY], 0, 1)
+
+
+def test_a_teacher_teaches_each_speed_what_it_sees_at_the_first():
+    large, small = example(200, 240), example(100, 120)
+    same, taught = examples.with_teacher([large, small], Teacher())
+    seen = large.features[GREY].float().clamp(0, 1)
+    torch.testing.assert_close(same.taught.float(), seen, atol=1e-3, rtol=0)
+    mean = torch.nn.functional.avg_pool2d(seen[None], 2)[0]
+    torch.testing.assert_close(taught.taught.float(), mean, atol=1e-3, rtol=0)
+
+
+def test_what_is_taught_stays_in_place_in_a_crop(monkeypatch):
+    # All that changes the grey level.
+    for share in ('_GREY_NOISY', '_BLURRED', '_SHADED'):
+        monkeypatch.setattr(crops, share, 0)
+    monkeypatch.setattr(crops, '_RESIZED', 1)
+    made = example()
+    made.features[GREY] = torch.linspace(0.2, 0.8, 240)
+    (made,) = examples.with_teacher([made], Teacher())
+    for seed in range(5):
+        crop = random_crop(made, np.random.default_rng(seed))
+        # Contrast and brightness of a crop are varied.
+        both = torch.stack((crop.features[GREY].ravel(), crop.taught.ravel()))
+        assert torch.corrcoef(both)[0, 1] > 0.999
+    assert train.random_batch([made], np.random.default_rng(0)).taught.shape == (
+        2,
+        CROP_PX,
+        CROP_PX,
+    )
     assert train.random_batch([example()], np.random.default_rng(0)).taught is None
 
 
@@ -245,7 +272,7 @@ def test_crops_have_one_size_and_show_the_rock(shape):
     made = example(*shape, np.s_[50:70, 100:130])
     shown = 0
     for _ in range(20):
-        features, rock, counted = random_crop(made, generator)
+        features, rock, counted, _ = random_crop(made, generator)
         assert features.shape == (len(FEATURES), CROP_PX, CROP_PX)
         assert rock.shape == counted.shape == (CROP_PX, CROP_PX)
         assert set(features[MEASURED].unique().tolist()) <= {0, 1}
@@ -262,7 +289,7 @@ def test_an_enlarged_crop_has_more_pixels_per_step(monkeypatch):
     monkeypatch.setattr(crops, '_LARGEST', 1.25)
     made = example()
     made.features[SCALE] = 1
-    features, _, _ = random_crop(made, np.random.default_rng(0))
+    features, *_ = random_crop(made, np.random.default_rng(0))
     assert features[SCALE].mean().item() == pytest.approx(1 + np.log(1.25) / 3, abs=1e-3)
 
 
@@ -346,7 +373,7 @@ def test_iou_counts_frames_with_rocks_and_counted_pixels():
 def named_bags(monkeypatch):
     """Each bag stands for its own example; nothing is rendered."""
     monkeypatch.setattr(examples, 'simulated_bag', lambda scene, folder: scene.name)
-    monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths: [*paths])
+    monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths, teacher=None: [*paths])
 
 
 def test_the_suites_share_no_scene(named_bags):
