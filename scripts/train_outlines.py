@@ -12,8 +12,9 @@ One command renders, trains, exports and checks the network:
    the features of each frame as the detector does, at the resolutions of `balanced` and `fast`.
 2. It trains the network, from random weights or from those of `--start`.
 3. It exports the network, compares the file with PyTorch, and only then moves it into place.
-4. It prints the IoU of rocks on scenes that it was not trained on: a tenth of both suites, and the
-   ``tune_*`` scenes of the standard suite. It never reads the ``report_*`` scenes.
+4. It prints the IoU of rocks, at both resolutions together, on scenes that it was not trained on:
+   a tenth of both suites, and the ``tune_*`` scenes of the standard suite. It never reads the
+   ``report_*`` scenes.
 
 The teacher in ``scripts/outline_training`` has two branches, each like the network that ships, and
 takes twice as long. The shipped network began as one of them and learned from both. From random

@@ -5,19 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 _BYTES = 31 << 20
-"""Largest block, less what surrounds it, to which glibc adapts: see `keep_freed_memory`."""
+"""Just below the largest block to which 64-bit glibc adapts, 32 MB."""
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep up to 62 MB of freed memory for the next frame.
+    """Let the C library keep freed memory, tens of megabytes, for the next frame.
 
     Every frame needs the same arrays. By default, glibc gives the larger ones back to the system,
     which has to clear thousands of new pages for each frame.
 
     Notes
     -----
-    Freeing a block raises the size from which glibc maps blocks of their own to that of the block,
-    and the freed memory that it keeps to twice as much (``M_MMAP_THRESHOLD`` in mallopt(3)). The
-    block is not touched, so it takes no memory. Other libraries are not affected.
+    When a mapped block is freed, glibc raises the size from which it maps blocks to that of the
+    block, and the free memory that it keeps to twice as much (``M_MMAP_THRESHOLD`` in mallopt(3)).
+    The block is not touched, so it takes no memory. This holds for the whole process. It has no
+    effect where a threshold is set, as in the node or by ``MALLOC_TRIM_THRESHOLD_``, nor in other
+    C libraries.
     """
     np.empty(_BYTES, np.uint8)

@@ -183,8 +183,8 @@ class DetectorConfig:
     )
     speed: str = _parameter(
         'balanced',
-        'Method hybrid: how many pixels are judged. The more, the finer are outlines, and the '
-        'longer it takes.',
+        'Method hybrid: how many pixels are judged. More pixels give finer outlines and take '
+        'longer. Only with a working_scale of 0.',
         choices=SPEEDS,
     )
     working_scale: float = _parameter(

@@ -8,7 +8,7 @@ import os
 # Options of mallopt, from malloc.h of glibc.
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 # Larger arrays are mapped one by one, and returned when they are freed. Of a 1024 x 768 image
-# these are the ones with more than a number for each pixel, such as points.
+# these are the ones of more than 5 bytes a pixel, such as points.
 LARGE_BYTES = 4 << 20
 # Free memory that is kept: what is returned has to be cleared again before its next use. Keeping
 # less takes up to a tenth more CPU.

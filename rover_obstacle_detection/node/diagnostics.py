@@ -307,7 +307,7 @@ def _slow(state: NodeState) -> str:
         return ''
     return (
         f'results come {latency_s:.1f} s after their images (95th percentile of the last 10 s): '
-        f'expected at most max_image_age, {limit_s:g} s; set speed to fast'
+        f'expected at most max_image_age, {limit_s:g} s; set speed to fast, or lower working_scale'
     )
 
 
@@ -320,7 +320,8 @@ def _overloaded(state: NodeState) -> str:
         return ''
     return (
         f'{load.ended / load.seconds:.1f} of {load.pairs / load.seconds:.1f} pairs per second '
-        "are judged: lower the camera's rate or set speed to fast"
+        "are judged: lower the camera's rate, set speed to fast, or lower "
+        'working_scale'
     )
 
 

@@ -36,9 +36,7 @@ from rover_obstacle_detection.simulation.suite import load_suite
 _PLACES_PER_PART = 40
 
 SPEEDS = ('balanced', 'fast')
-"""Speeds of the detector, each with its own number of pixels, at which examples are made.
-
-A teacher sees the first."""
+"""Speeds of the detector at which examples are made. A teacher sees the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +91,7 @@ def bags_of_suite(
 def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None) -> list[Example]:
     """Make examples of all labelled frames of recordings, and name the frames that are skipped.
 
-    Each frame gives one for each of the `SPEEDS`.
+    Each frame gives one for each resolution at which the `SPEEDS` judge it.
 
     Parameters
     ----------
@@ -118,7 +116,7 @@ def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None)
                     continue
                 has_labels = True
                 try:
-                    made = [example_of(frame, speed) for speed in SPEEDS]
+                    made = examples_of_frame(frame)
                 except UnjudgeablePairError as error:
                     print(f'skipped: {path}: {error}', file=sys.stderr)
                     continue
@@ -127,6 +125,23 @@ def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None)
             msg = f'{path}: no labelled frame'
             raise BagError(msg)
     return examples
+
+
+def examples_of_frame(frame: LabelledFrame) -> list[Example]:
+    """Make an example for each resolution at which the `SPEEDS` judge a frame.
+
+    Raises
+    ------
+    UnjudgeablePairError
+        If the pair says nothing about the ground, or contradicts itself.
+    """
+    made: list[Example] = []
+    for speed in SPEEDS:
+        example = example_of(frame, speed)
+        # Small images keep their size at any speed.
+        if all(example.rock.shape != each.rock.shape for each in made):
+            made.append(example)
+    return made
 
 
 def example_of(frame: LabelledFrame, speed: str) -> Example:
@@ -161,10 +176,16 @@ def example_of(frame: LabelledFrame, speed: str) -> Example:
 
 
 def with_teacher(made: Sequence[Example], teacher: OutlineModel) -> list[Example]:
-    """Add what a teacher says of the first of the examples of one frame to all of them.
+    """Add a teacher's answer for the first example of a frame to all of them.
 
     It is asked at the resolution that it was trained for, and teaches the others what it sees
     there (Lopez-Paz et al. 2016).
+
+    Parameters
+    ----------
+    made : sequence of Example
+        Of one frame.
+    teacher : OutlineModel
     """
     seen = teacher.probability(made[0].features.numpy().astype(np.float32))
     return [

@@ -88,7 +88,7 @@ def train(
 
 
 def random_batch(examples: Sequence[Example], generator: np.random.Generator) -> Crop:
-    """Stack random crops of random examples: all with a teacher, or none."""
+    """Stack random crops of random examples. All examples have a teacher, or none."""
     crops = [
         random_crop(examples[generator.integers(len(examples))], generator) for _ in range(_BATCH)
     ]

@@ -146,14 +146,14 @@ def test_good_state_is_ok_with_all_values() -> None:
             'detection',
             WARN,
             'results come 2.4 s after their images (95th percentile of the last 10 s): expected '
-            'at most max_image_age, 2 s; set speed to fast',
+            'at most max_image_age, 2 s; set speed to fast, or lower working_scale',
         ),
         (
             load(seconds=10.0, pairs=100, dropped=77, ended=23),
             'detection',
             WARN,
-            "2.3 of 10.0 pairs per second are judged: lower the camera's rate or "
-            'set speed to fast',
+            "2.3 of 10.0 pairs per second are judged: lower the camera's rate, set speed to fast, "
+            'or lower working_scale',
         ),
         ({'connections': Connections(errors=('two', 'more'))}, 'connections', ERROR, 'two; more'),
         ({'connections': Connections(warnings=('nothing',))}, 'connections', WARN, 'nothing'),

@@ -245,14 +245,14 @@ def test_a_pair_that_cannot_be_judged_is_skipped_and_named(monkeypatch, capsys):
 def test_labels_have_the_resolution_at_which_the_pair_was_judged(monkeypatch):
     config = DetectorConfig(working_scale=0.5)
     monkeypatch.setattr(examples, 'DetectorConfig', lambda speed: config)
-    made, _ = examples_of_bags([BAG])
+    (made,) = examples_of_bags([BAG])
     assert made.rock.shape == made.counted.shape == made.features.shape[1:] == (150, 200)
     # The labels lie where the features show something that stands up.
     height = made.features[HEIGHT].float()
     assert height[made.rock].mean() > height[made.counted & ~made.rock].mean() + 0.3
 
 
-def test_examples_are_made_at_all_speeds():
+def test_a_large_frame_gives_an_example_for_each_speed():
     view = render(mast(1280, 960, solids=(Box(-0.35, 1.0, 0.25, 0.25, 0.2),)))
     frame = LabelledFrame(
         stamp_ns=0,
@@ -262,7 +262,7 @@ def test_examples_are_made_at_all_speeds():
         labels=view.obstacle.astype(np.uint8),
         instances=view.obstacle.astype(np.uint16),
     )
-    sizes = [examples.example_of(frame, speed).rock.shape for speed in examples.SPEEDS]
+    sizes = [each.rock.shape for each in examples.examples_of_frame(frame)]
     assert sizes == [(480, 640), (339, 453)]
 
 

@@ -232,7 +232,7 @@ LIVE_ROWS = (
         LIVE,
         'results that come late',
         'results come N s after their images (95th percentile of the last N s): expected at most '
-        'max_image_age, N s; set speed to fast',
+        'max_image_age, N s; set speed to fast, or lower working_scale',
         faults.slow,
         level='WARN',
         status='detection',
@@ -240,7 +240,8 @@ LIVE_ROWS = (
     Row(
         LIVE,
         'more pairs than the computer can judge',
-        "N of N pairs per second are judged: lower the camera's rate or set speed to fast",
+        "N of N pairs per second are judged: lower the camera's rate, set speed to fast, or lower "
+        'working_scale',
         faults.flood,
         level='WARN',
         status='detection',

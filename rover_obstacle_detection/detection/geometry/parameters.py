@@ -150,7 +150,8 @@ class ResolutionParameters:
     far_share : float
         Share of the ground's pixels that lie farther away than that distance.
     min_pixels : int
-        Fewest pixels of the reduced image, since the filters have sizes in pixels. A trade, too.
+        Fewest pixels of the reduced image, since the filters have sizes in pixels. A trade, see
+        `RESOLUTIONS`.
     min_side_px : int
         Shortest side of the reduced image at a fixed scale. Derived: the filters' widest windows
         are 33 pixels wide.
@@ -173,4 +174,4 @@ RESOLUTIONS = {
     'balanced': ResolutionParameters(),
     'fast': ResolutionParameters(step_px=7.0, min_pixels=480 * 320),
 }
-"""For each speed that a user can choose. What they gain and cost: docs/performance.md."""
+"""Of each `speed`. What they gain and cost is in docs/performance.md."""

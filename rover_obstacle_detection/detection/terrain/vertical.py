@@ -218,6 +218,11 @@ def _with_step(
     p : VerticalParameters
     others_m : tuple of float
         Distances of other steps, whose heights are fitted as well.
+
+    Returns
+    -------
+    list of _Steps
+        One for each direction.
     """
     forward = _ahead(cells, np.asarray(turns))
     shared = np.concatenate((_plane(cells), _step(forward[:1], np.array(others_m), p)))
