@@ -45,7 +45,6 @@ class Effort:
     configs: tuple[DetectorConfig, ...] = (
         DEFAULT,
         DetectorConfig(speed='fast'),
-        DetectorConfig(speed='accurate'),
         DetectorConfig(working_scale=1.0),
     )
     sizes: tuple[Size, ...] = (

@@ -9,7 +9,7 @@
 One command renders, trains, exports and checks the network:
 
 1. It renders the suites `training` and `training_wide`, unless the cache has them, and computes
-   the features of each frame as the detector does, at the resolutions of `balanced` and `fast`.
+   the features of each frame as the detector does, at the resolutions of `accurate` and `fast`.
 2. It trains the network, from random weights or from those of `--start`.
 3. It exports the network, compares the file with PyTorch, and only then moves it into place.
 4. It prints the IoU of rocks, at both resolutions together, on scenes that it was not trained on:

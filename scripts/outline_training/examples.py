@@ -35,7 +35,7 @@ from rover_obstacle_detection.simulation.suite import load_suite
 
 _PLACES_PER_PART = 40
 
-SPEEDS = ('balanced', 'fast')
+SPEEDS = ('accurate', 'fast')
 """Speeds of the detector at which examples are made. A teacher sees the first."""
 
 

@@ -95,7 +95,7 @@ def test_curve_has_time_and_accuracy_of_each_setting() -> None:
         }
     ).rows
     assert [row[0] for row in rows] == [
-        '`speed` balanced (default)',
+        '`speed` accurate (default)',
         '`speed` fast',
         '`working_scale` 0.5',
     ]
