@@ -9,12 +9,11 @@
 One command renders, trains, exports and checks the network:
 
 1. It renders the suites `training` and `training_wide`, unless the cache has them, and computes
-   the features of each frame as the detector does, at the resolutions of `accurate` and `fast`.
+   the features of each frame as the detector does.
 2. It trains the network, from random weights or from those of `--start`.
 3. It exports the network, compares the file with PyTorch, and only then moves it into place.
-4. It prints the IoU of rocks, at both resolutions together, on scenes that it was not trained on:
-   a tenth of both suites, and the ``tune_*`` scenes of the standard suite. It never reads the
-   ``report_*`` scenes.
+4. It prints the IoU of rocks on scenes that it was not trained on: a tenth of both suites, and the
+   ``tune_*`` scenes of the standard suite. It never reads the ``report_*`` scenes.
 
 The teacher in ``scripts/outline_training`` has two branches, each like the network that ships, and
 takes twice as long. The shipped network began as one of them and learned from both. From random
@@ -101,13 +100,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         start = read_network(options.start) if options.start else None
         teacher = OutlineModel(options.teacher.read_bytes()) if options.teacher else None
         training, unseen = (
-            given_bags(options.bags, teacher)
-            if options.bags
-            else suites(teacher, cached_only=options.cached_only)
+            given_bags(options.bags) if options.bags else suites(cached_only=options.cached_only)
         )
         if not training:
             sys.exit('error: nothing to train on')
-        net = train(training, options.steps, options.minutes, start)
+        net = train(training, options.steps, options.minutes, teacher, start)
         model = write_model(net, options.output)
     except (ObstacleDetectionError, OSError) as error:
         sys.exit(f'error: {error}')
@@ -118,9 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
 
 
-def suites(
-    teacher: OutlineModel | None = None, *, cached_only: bool = False
-) -> tuple[list[Example], dict[str, list[Example]]]:
+def suites(*, cached_only: bool = False) -> tuple[list[Example], dict[str, list[Example]]]:
     """Examples of the suites: to train on, and by name to report on."""
 
     def bags(suite: str, is_chosen: Callable[[str], bool]) -> Iterator[Path]:
@@ -132,7 +127,7 @@ def suites(
     training = chain.from_iterable(
         bags(suite, lambda scene: not is_held_out(scene)) for suite in SUITES
     )
-    return examples_of_bags(training, teacher), {
+    return examples_of_bags(training), {
         f'held-out scenes of {suite}': examples_of_bags(bags(suite, is_held_out))
         for suite in SUITES
     } | {
@@ -142,14 +137,12 @@ def suites(
     }
 
 
-def given_bags(
-    paths: Sequence[Path], teacher: OutlineModel | None = None
-) -> tuple[list[Example], dict[str, list[Example]]]:
+def given_bags(paths: Sequence[Path]) -> tuple[list[Example], dict[str, list[Example]]]:
     """Examples of bags, likewise; fewer than ten bags are all trained on."""
     held_out = paths[HELD_OUT_BAG - 1 :: HELD_OUT_BAG]
     training = [path for path in paths if path not in held_out]
     unseen = {'held-out bags': examples_of_bags(held_out)} if held_out else {}
-    return examples_of_bags(training, teacher), unseen
+    return examples_of_bags(training), unseen
 
 
 if __name__ == '__main__':

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -40,35 +39,23 @@ _MAX_BUMPS_STEPS, _BUMP_PX = 0.08, 16
 """Unevenness that is added to the ground: its standard deviation over the step, and its size."""
 
 
-class Crop(NamedTuple):
-    """A square of an example, or several of them stacked.
+def random_crop(
+    example: Example, generator: np.random.Generator
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Cut a square out of an example, mostly around an obstacle, and vary it.
 
-    Parameters
-    ----------
+    Returns
+    -------
     features : Tensor of float32, shape (features, CROP_PX, CROP_PX)
     rock, counted : Tensor of float32, shape (CROP_PX, CROP_PX)
         1 on rocks; and 1 where the labels count.
-    taught : Tensor of float32, shape (CROP_PX, CROP_PX), or None
-        The teacher's probability of rock.
     """
-
-    features: torch.Tensor
-    rock: torch.Tensor
-    counted: torch.Tensor
-    taught: torch.Tensor | None = None
-
-
-def random_crop(example: Example, generator: np.random.Generator) -> Crop:
-    """Cut a square out of an example, mostly around an obstacle, and vary it."""
     window, size = random_window(example, generator)
     features = example.features[window].float()[None]
     labels = torch.stack((example.rock[window], example.counted[window])).float()[None]
-    taught = None if example.taught is None else example.taught[window].float()[None, None]
     if size != CROP_PX:
         features = functional.interpolate(features, (CROP_PX, CROP_PX), mode='bilinear')
         labels = functional.interpolate(labels, (CROP_PX, CROP_PX), mode='nearest')
-        if taught is not None:
-            taught = functional.interpolate(taught, (CROP_PX, CROP_PX), mode='bilinear')
         features[:, MEASURED] = (features[:, MEASURED] > 0.5).float()
         # The definition of this feature has the same logarithm over the same number.
         features[:, SCALE] += math.log(CROP_PX / size) / 3
@@ -80,8 +67,7 @@ def random_crop(example: Example, generator: np.random.Generator) -> Crop:
         shade(features, labels[0, 0], generator)
     if generator.random() < _MIRRORED:
         features, labels = features.flip(-1), labels.flip(-1)
-        taught = None if taught is None else taught.flip(-1)
-    return Crop(features[0], labels[0, 0], labels[0, 1], None if taught is None else taught[0, 0])
+    return features[0], labels[0, 0], labels[0, 1]
 
 
 def random_window(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -23,7 +23,6 @@ from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.result.enlarged import resized
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
-from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
@@ -34,9 +33,6 @@ from rover_obstacle_detection.simulation.cache import cache_folder, cached_bag, 
 from rover_obstacle_detection.simulation.suite import load_suite
 
 _PLACES_PER_PART = 40
-
-SPEEDS = ('accurate', 'fast')
-"""Speeds of the detector at which examples are made. A teacher sees the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +49,12 @@ class Example:
         its output there does not matter.
     places : ndarray of int, shape (n, 2)
         Rows and columns on rocks, and on whatever else stands up.
-    taught : Tensor of float16, shape (height, width), optional
-        The teacher's probability of rock.
     """
 
     features: torch.Tensor
     rock: torch.Tensor
     counted: torch.Tensor
     places: NDArray[np.intp]
-    taught: torch.Tensor | None = None
 
 
 def bags_of_suite(
@@ -88,16 +81,12 @@ def bags_of_suite(
             yield simulated_bag(scene, folder)
 
 
-def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None) -> list[Example]:
+def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
     """Make examples of all labelled frames of recordings, and name the frames that are skipped.
-
-    Each frame gives one for each resolution at which the `SPEEDS` judge it.
 
     Parameters
     ----------
     paths : iterable of Path
-    teacher : OutlineModel, optional
-        A model to learn from, besides the labels.
 
     Raises
     ------
@@ -116,49 +105,24 @@ def examples_of_bags(paths: Iterable[Path], teacher: OutlineModel | None = None)
                     continue
                 has_labels = True
                 try:
-                    made = examples_of_frame(frame)
+                    examples.append(example_of(frame))
                 except UnjudgeablePairError as error:
                     print(f'skipped: {path}: {error}', file=sys.stderr)
-                    continue
-                examples += with_teacher(made, teacher) if teacher else made
         if not has_labels:
             msg = f'{path}: no labelled frame'
             raise BagError(msg)
     return examples
 
 
-def examples_of_frame(frame: LabelledFrame) -> list[Example]:
-    """Make an example for each resolution at which the `SPEEDS` judge a frame.
-
-    Raises
-    ------
-    UnjudgeablePairError
-        If the pair says nothing about the ground, or contradicts itself.
-    """
-    made: list[Example] = []
-    for speed in SPEEDS:
-        example = example_of(frame, speed)
-        # Small images keep their size at any speed.
-        if all(example.rock.shape != each.rock.shape for each in made):
-            made.append(example)
-    return made
-
-
-def example_of(frame: LabelledFrame, speed: str) -> Example:
+def example_of(frame: LabelledFrame) -> Example:
     """Compute a frame's features as the detector does where gravity is not known.
 
-    Parameters
-    ----------
-    frame : LabelledFrame
-    speed : str
-        Of the detector.
-
     Raises
     ------
     UnjudgeablePairError
         If the pair says nothing about the ground, or contradicts itself.
     """
-    parameters = DetectorParameters.from_config(DetectorConfig(speed=speed))
+    parameters = DetectorParameters.from_config(DetectorConfig())
     pair = grey_pair(frame.left, frame.right, frame.camera)
     measured = measure(Frame(pair, frame.camera), parameters)
     standing = standing_parts(measured.terrain, parameters.rocks)
@@ -173,30 +137,6 @@ def example_of(frame: LabelledFrame, speed: str) -> Example:
         torch.from_numpy(rock | (labels == FREE)),
         even_places(rock | (standing.parts > 0)),
     )
-
-
-def with_teacher(made: Sequence[Example], teacher: OutlineModel) -> list[Example]:
-    """Add a teacher's answer for the first example of a frame to all of them.
-
-    It is asked at the resolution that it was trained for, and teaches the others what it sees
-    there (Lopez-Paz et al. 2016).
-
-    Parameters
-    ----------
-    made : sequence of Example
-        Of one frame.
-    teacher : OutlineModel
-    """
-    seen = teacher.probability(made[0].features.numpy().astype(np.float32))
-    return [
-        replace(
-            each,
-            taught=torch.from_numpy(
-                cv2.resize(seen, each.rock.shape[::-1], interpolation=cv2.INTER_AREA)
-            ).half(),
-        )
-        for each in made
-    ]
 
 
 def straightened_labels(

@@ -7,15 +7,17 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel
 
-from outline_training.crops import Crop, random_crop
+from outline_training.crops import random_crop
 from outline_training.examples import Example
 from outline_training.network import SIDE_PX, OutlineNet
+from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 
 _BATCH = 10
 _PEAK_RATE, _LATER_PEAK_RATE, _LEAST_RATE = 3e-3, 5e-4, 1e-5
@@ -32,10 +34,29 @@ _SPECK_PX = 50
 _REPORTED_EVERY = 100
 
 
+class Batch(NamedTuple):
+    """What one step of the training learns from.
+
+    Parameters
+    ----------
+    features : Tensor of float32, shape (n, features, height, width)
+    rock, counted : Tensor of float32, shape (n, height, width)
+        1 on rocks; and 1 where the labels count.
+    taught : Tensor of float32, shape (n, height, width), or None
+        The teacher's probability of rock.
+    """
+
+    features: torch.Tensor
+    rock: torch.Tensor
+    counted: torch.Tensor
+    taught: torch.Tensor | None = None
+
+
 def train(
     examples: Sequence[Example],
     steps: int,
     minutes: float = math.inf,
+    teacher: OutlineModel | None = None,
     start: OutlineNet | None = None,
     seed: int = 0,
 ) -> OutlineNet:
@@ -48,6 +69,9 @@ def train(
     minutes : float
         The training ends after this time if the steps take longer. The learning rate falls in
         time for whichever comes first.
+    teacher : OutlineModel, optional
+        A model to learn from, besides the labels. It sees the same varied crops (Beyer et al.
+        2022).
     start : OutlineNet, optional
         Network whose weights are improved, at a lower learning rate; random ones by default.
     seed : int
@@ -62,7 +86,7 @@ def train(
     began = time.monotonic()
     # The next batch is cut while the network learns from this one.
     with ThreadPoolExecutor(1) as pool:
-        batch = pool.submit(random_batch, examples, generator)
+        batch = pool.submit(random_batch, examples, generator, teacher)
         for step in range(steps):
             passed = (time.monotonic() - began) / 60 / minutes
             if passed >= 1:
@@ -70,7 +94,7 @@ def train(
             for group in optimizer.param_groups:
                 group['lr'] = learning_rate(step, max(step / steps, passed), peak)
             now = batch.result()
-            batch = pool.submit(random_batch, examples, generator)
+            batch = pool.submit(random_batch, examples, generator, teacher)
             loss = loss_of(pixel_logits(net, now.features), now)
             optimizer.zero_grad()
             loss.backward()
@@ -87,14 +111,20 @@ def train(
     return averaged
 
 
-def random_batch(examples: Sequence[Example], generator: np.random.Generator) -> Crop:
-    """Stack random crops of random examples. All examples have a teacher, or none."""
+def random_batch(
+    examples: Sequence[Example],
+    generator: np.random.Generator,
+    teacher: OutlineModel | None = None,
+) -> Batch:
+    """Stack random crops of random examples, and ask the teacher about them."""
     crops = [
         random_crop(examples[generator.integers(len(examples))], generator) for _ in range(_BATCH)
     ]
-    features, rock, counted = (torch.stack(each) for each in list(zip(*crops, strict=True))[:3])
-    taught = [each.taught for each in crops if each.taught is not None]
-    return Crop(features, rock, counted, torch.stack(taught) if taught else None)
+    features, rock, counted = (torch.stack(each) for each in zip(*crops, strict=True))
+    if not teacher:
+        return Batch(features, rock, counted)
+    taught = [torch.from_numpy(teacher.probability(each.numpy())) for each in features]
+    return Batch(features, rock, counted, torch.stack(taught))
 
 
 @torch.no_grad()
@@ -114,7 +144,7 @@ def learning_rate(step: int, progress: float, peak: float = _PEAK_RATE) -> float
     return peak * warm_up * falling + _LEAST_RATE
 
 
-def loss_of(logits: torch.Tensor, batch: Crop) -> torch.Tensor:
+def loss_of(logits: torch.Tensor, batch: Batch) -> torch.Tensor:
     """Cross-entropy, plus a share of one minus the mean soft IoU of the counted pixels.
 
     Where the labels count, the target is between them and the teacher; elsewhere, the teacher's.

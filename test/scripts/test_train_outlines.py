@@ -15,7 +15,7 @@ import onnx
 import torch
 import train_outlines
 from outline_training import crops, examples, export, train
-from outline_training.crops import CROP_PX, GREY, HEIGHT, MEASURED, SCALE, Crop, random_crop
+from outline_training.crops import CROP_PX, GREY, HEIGHT, MEASURED, SCALE, random_crop
 from outline_training.examples import (
     Example,
     even_places,
@@ -25,8 +25,7 @@ from outline_training.examples import (
 from outline_training.export import read_network, write_model
 from outline_training.network import OutlineNet
 from outline_training.score import mean_iou
-from outline_training.train import loss_of, pixel_logits
-from synthetic import Box, mast, render
+from outline_training.train import Batch, loss_of, pixel_logits
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
@@ -40,7 +39,6 @@ from rover_obstacle_detection.detection.rocks.outline_features import (
 )
 from rover_obstacle_detection.detection.rocks.outline_model import VERSION_KEY, OutlineModel
 from rover_obstacle_detection.errors import ModelError, UnjudgeablePairError
-from rover_obstacle_detection.evaluation.frame import LabelledFrame
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED, ROCK
 
 BAG = Path(__file__).parents[2] / 'bags' / 'simulated_vga_moon'
@@ -167,7 +165,7 @@ def test_what_is_not_counted_does_not_matter():
     rock = (logits > 1).float()
     counted = torch.ones_like(rock)
     counted[:, 5:10] = 0
-    batch = Crop(logits, rock, counted)
+    batch = Batch(logits, rock, counted)
     changed = torch.where(counted > 0, logits, -7 * logits)
     torch.testing.assert_close(loss_of(changed, batch), loss_of(logits, batch))
     assert loss_of(40 * (rock - 0.5), batch) < 1e-3
@@ -178,7 +176,7 @@ def test_where_labels_do_not_count_only_the_teacher_does():
     logits = torch.from_numpy(random_features(20, 20)[:2])
     rock, counted = (logits > 1).float(), torch.zeros_like(logits)
     taught = torch.sigmoid(torch.from_numpy(random_features(20, 20)[2:4]))
-    batch, other = Crop(logits, rock, counted, taught), Crop(logits, 1 - rock, counted, taught)
+    batch, other = Batch(logits, rock, counted, taught), Batch(logits, 1 - rock, counted, taught)
     torch.testing.assert_close(loss_of(logits, batch), loss_of(logits, other))
     assert loss_of(torch.logit(taught), batch) < loss_of(logits, batch)
 
@@ -186,7 +184,7 @@ def test_where_labels_do_not_count_only_the_teacher_does():
 def test_where_labels_count_the_best_answer_is_between_them_and_the_teacher(monkeypatch):
     monkeypatch.setattr(train, '_IOU_WEIGHT', 0)
     one = torch.ones(1, 1, 1)
-    batch = Crop(one, one, one, 0.2 * one)
+    batch = Batch(one, one, one, 0.2 * one)
     best = 1 - train._TEACHER_WEIGHT * 0.8
     losses = {
         share: loss_of(torch.logit(share * one), batch).item()
@@ -195,40 +193,13 @@ def test_where_labels_count_the_best_answer_is_between_them_and_the_teacher(monk
     assert min(losses, key=losses.__getitem__) == best
 
 
-class Teacher:
-    """Takes bright pixels for rock."""
+def test_a_teacher_is_asked_about_the_very_crops_of_the_batch():
+    class Teacher:
+        def probability(self, features):
+            return features[GREY]
 
-    def probability(self, features):
-        return np.clip(features[GREY], 0, 1)
-
-
-def test_a_teacher_teaches_each_speed_what_it_sees_at_the_first():
-    large, small = example(200, 240), example(100, 120)
-    same, taught = examples.with_teacher([large, small], Teacher())
-    seen = large.features[GREY].float().clamp(0, 1)
-    torch.testing.assert_close(same.taught.float(), seen, atol=1e-3, rtol=0)
-    mean = torch.nn.functional.avg_pool2d(seen[None], 2)[0]
-    torch.testing.assert_close(taught.taught.float(), mean, atol=1e-3, rtol=0)
-
-
-def test_what_is_taught_stays_in_place_in_a_crop(monkeypatch):
-    # All that changes the grey level.
-    for share in ('_GREY_NOISY', '_BLURRED', '_SHADED'):
-        monkeypatch.setattr(crops, share, 0)
-    monkeypatch.setattr(crops, '_RESIZED', 1)
-    made = example()
-    made.features[GREY] = torch.linspace(0.2, 0.8, 240)
-    (made,) = examples.with_teacher([made], Teacher())
-    for seed in range(5):
-        crop = random_crop(made, np.random.default_rng(seed))
-        # Contrast and brightness of a crop are varied.
-        both = torch.stack((crop.features[GREY].ravel(), crop.taught.ravel()))
-        assert torch.corrcoef(both)[0, 1] > 0.999
-    assert train.random_batch([made], np.random.default_rng(0)).taught.shape == (
-        2,
-        CROP_PX,
-        CROP_PX,
-    )
+    batch = train.random_batch([example()], np.random.default_rng(0), Teacher())
+    torch.testing.assert_close(batch.taught, batch.features[:, GREY])
     assert train.random_batch([example()], np.random.default_rng(0)).taught is None
 
 
@@ -244,26 +215,12 @@ def test_a_pair_that_cannot_be_judged_is_skipped_and_named(monkeypatch, capsys):
 
 def test_labels_have_the_resolution_at_which_the_pair_was_judged(monkeypatch):
     config = DetectorConfig(working_scale=0.5)
-    monkeypatch.setattr(examples, 'DetectorConfig', lambda speed: config)
+    monkeypatch.setattr(examples, 'DetectorConfig', lambda: config)
     (made,) = examples_of_bags([BAG])
     assert made.rock.shape == made.counted.shape == made.features.shape[1:] == (150, 200)
     # The labels lie where the features show something that stands up.
     height = made.features[HEIGHT].float()
     assert height[made.rock].mean() > height[made.counted & ~made.rock].mean() + 0.3
-
-
-def test_a_large_frame_gives_an_example_for_each_speed():
-    view = render(mast(1280, 960, solids=(Box(-0.35, 1.0, 0.25, 0.25, 0.2),)))
-    frame = LabelledFrame(
-        stamp_ns=0,
-        camera=view.scene.camera,
-        left=view.left,
-        right=view.right,
-        labels=view.obstacle.astype(np.uint8),
-        instances=view.obstacle.astype(np.uint16),
-    )
-    sizes = [each.rock.shape for each in examples.examples_of_frame(frame)]
-    assert sizes == [(480, 640), (339, 453)]
 
 
 @pytest.mark.parametrize('shape', [(200, 240), (90, 300)])
@@ -272,7 +229,7 @@ def test_crops_have_one_size_and_show_the_rock(shape):
     made = example(*shape, np.s_[50:70, 100:130])
     shown = 0
     for _ in range(20):
-        features, rock, counted, _ = random_crop(made, generator)
+        features, rock, counted = random_crop(made, generator)
         assert features.shape == (len(FEATURES), CROP_PX, CROP_PX)
         assert rock.shape == counted.shape == (CROP_PX, CROP_PX)
         assert set(features[MEASURED].unique().tolist()) <= {0, 1}
@@ -289,7 +246,7 @@ def test_an_enlarged_crop_has_more_pixels_per_step(monkeypatch):
     monkeypatch.setattr(crops, '_LARGEST', 1.25)
     made = example()
     made.features[SCALE] = 1
-    features, *_ = random_crop(made, np.random.default_rng(0))
+    features, _, _ = random_crop(made, np.random.default_rng(0))
     assert features[SCALE].mean().item() == pytest.approx(1 + np.log(1.25) / 3, abs=1e-3)
 
 
@@ -373,7 +330,7 @@ def test_iou_counts_frames_with_rocks_and_counted_pixels():
 def named_bags(monkeypatch):
     """Each bag stands for its own example; nothing is rendered."""
     monkeypatch.setattr(examples, 'simulated_bag', lambda scene, folder: scene.name)
-    monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths, teacher=None: [*paths])
+    monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths: [*paths])
 
 
 def test_the_suites_share_no_scene(named_bags):
