@@ -9,6 +9,12 @@ from types import FrameType
 
 INTERRUPTED = 130
 
+IDLE_THREADS = ('OPENCV_THREAD_POOL_ACTIVE_WAIT_WORKER', '200')
+"""How often OpenCV's idle threads look for work before they sleep.
+
+OpenCV reads the variable when it is loaded. Its default is 2000, a tenth of a frame's CPU time.
+"""
+
 
 def rover_obstacles() -> int:
     """Run the command ``rover-obstacles``; return its exit status."""
@@ -21,6 +27,7 @@ def obstacle_detector() -> int:
 
 
 def _run(module: str) -> int:
+    os.environ.setdefault(*IDLE_THREADS)
     # A shell has a background job ignore Ctrl-C.
     is_interruptible = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
     try:

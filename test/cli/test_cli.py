@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rover_obstacle_detection import __version__
+from rover_obstacle_detection import __version__, program
 from rover_obstacle_detection.cli import main as cli
 from rover_obstacle_detection.cli import replay_command
 from rover_obstacle_detection.errors import BagError
@@ -332,3 +332,33 @@ def test_progress_is_shown_only_on_a_terminal(capfd):
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, check=True)
     assert done.stderr == b''
     assert done.stdout == b''
+
+
+# Shows what OpenCV will read.
+IDLE_THREADS = """
+import os, sys, types
+from rover_obstacle_detection import program
+
+def main():
+    print(os.environ[program.IDLE_THREADS[0]], 'cv2' in sys.modules)
+    return 0
+
+program.importlib.import_module = lambda name: types.SimpleNamespace(main=main)
+sys.exit(getattr(program, sys.argv[1])())
+"""
+
+
+@pytest.mark.parametrize('name', ['rover_obstacles', 'obstacle_detector'])
+@pytest.mark.parametrize(('given', 'shown'), [({}, '200'), ({program.IDLE_THREADS[0]: '7'}, '7')])
+def test_idle_threads_sleep_soon_unless_the_user_says_otherwise(name, given, shown):
+    inherited = {
+        key: value for key, value in os.environ.items() if key not in program.IDLE_THREADS
+    }
+    done = subprocess.run(
+        [sys.executable, '-c', IDLE_THREADS, name],
+        env=inherited | given,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == f'{shown} False\n'
