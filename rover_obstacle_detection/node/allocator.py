@@ -7,12 +7,12 @@ import os
 
 # Options of mallopt, from malloc.h of glibc.
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
-# Larger arrays are mapped one by one, and returned when they are freed. Of a 1024 x 768 image
-# these are the ones of more than 5 bytes a pixel, such as points.
-LARGE_BYTES = 4 << 20
-# Free memory that is kept: what is returned has to be cleared again before its next use. Keeping
-# less takes up to a tenth more CPU.
-KEPT_BYTES = 24 << 20
+# Larger arrays are mapped one by one, and returned when they are freed. At 640 x 480, where most
+# images are judged, those are the ones of 8 bytes a pixel; at 1024 x 768, of 4. To map the many of
+# 4 bytes at 640 x 480 as well takes a tenth more CPU.
+LARGE_BYTES = 2 << 20
+# Free memory that is kept: what is returned has to be cleared again before its next use.
+KEPT_BYTES = 16 << 20
 
 # Option and value by the variable with which a user sets it.
 SETTINGS = {
