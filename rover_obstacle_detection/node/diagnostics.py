@@ -320,8 +320,7 @@ def _overloaded(state: NodeState) -> str:
         return ''
     return (
         f'{load.ended / load.seconds:.1f} of {load.pairs / load.seconds:.1f} pairs per second '
-        "are judged: lower the camera's rate, set speed to fast, or lower "
-        'working_scale'
+        "are judged: lower the camera's rate, set speed to fast, or lower working_scale"
     )
 
 

@@ -173,4 +173,7 @@ RESOLUTIONS = {
     'accurate': ResolutionParameters(),
     'fast': ResolutionParameters(step_px=7.0, min_pixels=480 * 320),
 }
-"""Of each `speed`. More than 10 pixels took longer and found no more on the reporting scenes."""
+"""Of each `speed`: `fast` judges half as many pixels.
+
+Measured: a step of 13 pixels takes longer and finds no more on the reporting scenes.
+"""

@@ -105,7 +105,7 @@ def with_lens(info: CameraInfo, lens: LensDistortion) -> tuple[CameraInfo, float
     for _ in range(_PASSES):
         slopes = [
             (_raw_places(info, x, y, moved) - places).ravel() / _DIFFERENCE
-            for moved in d + _DIFFERENCE * np.eye(count, d.size)
+            for moved in d + _DIFFERENCE * np.identity(d.size)[:count]
         ]
         solution, *_ = np.linalg.lstsq(np.transpose(slopes), (wanted - places).ravel(), rcond=None)
         d[:count] += solution
