@@ -1,19 +1,33 @@
-"""Noise of an image relative to its texture, and the smoothing that noise calls for."""
+"""Noise of an image against its texture, at each brightness, and the smoothing it calls for.
+
+Shadow and light differ: the same texture has less contrast in shadow, and the noise of a sensor,
+or what a tone curve makes of it, depends on the brightness.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.geometry.robust import robust_spread
-from rover_obstacle_detection.detection.images.grey_pair import GreyPair
+from rover_obstacle_detection.detection.images.brightness import (
+    Levels,
+    Spread,
+    grey_level_shares,
+    looked_up,
+    spread_by_brightness,
+)
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
 
+_IDENTITY = np.ones((1, 1))
+_ROUNDING = 12**-0.5
+"""Standard deviation of rounding to whole grey levels."""
 
-def image_noise(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
+
+def image_noise(grey: NDArray[np.uint8], parameters: ImageParameters) -> Spread:
     """Estimate the standard deviation of the sensor's noise, grey levels.
 
     Parameters
@@ -28,10 +42,10 @@ def image_noise(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
     """
     second_difference = np.array([1, -2, 1], np.float32)
     response = cv2.sepFilter2D(grey, cv2.CV_16S, second_difference, second_difference)
-    return max(parameters.min_noise, _exposed_spread(response, grey, parameters) / 6)
+    return spread_by_brightness(response, grey, parameters).scaled(1 / 6, parameters.min_noise)
 
 
-def gradient_level(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
+def image_gradient(grey: NDArray[np.uint8], parameters: ImageParameters) -> Spread:
     """Estimate the typical gradient along the rows, grey levels per pixel.
 
     Parameters
@@ -40,76 +54,106 @@ def gradient_level(grey: NDArray[np.uint8], parameters: ImageParameters) -> floa
     parameters : ImageParameters
     """
     gradient = cv2.Scharr(grey, cv2.CV_16S, 1, 0)
-    return max(parameters.min_gradient, _exposed_spread(gradient, grey, parameters) / 32)
+    return spread_by_brightness(gradient, grey, parameters).scaled(1 / 32, parameters.min_gradient)
 
 
-def noise_share(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
+def noise_share(noise: Spread, gradient: Spread, parameters: ImageParameters) -> Spread:
     """Measure how far noise hides the texture: 0 not at all, 1 completely.
 
     Parameters
     ----------
-    grey : ndarray of uint8, shape (height, width)
+    noise, gradient : Spread
+        Of one image.
     parameters : ImageParameters
     """
     quiet, noisy = parameters.quiet_noise_ratio, parameters.noisy_noise_ratio
-    ratio = image_noise(grey, parameters) / gradient_level(grey, parameters)
-    return min(max((ratio - quiet) / (noisy - quiet), 0.0), 1.0)
+    ratio = noise.overall / gradient.overall
+    by_brightness = noise.by_brightness / gradient.by_brightness
+    return Spread(
+        min(max((ratio - quiet) / (noisy - quiet), 0.0), 1.0),
+        np.clip((by_brightness - np.float32(quiet)) / np.float32(noisy - quiet), 0, 1),
+    )
 
 
-def smoothed_against_noise(pair: GreyPair, share: float, parameters: ImageParameters) -> GreyPair:
-    """Smooth both images equally, in proportion to the noise.
+class Smoothed(NamedTuple):
+    """An image smoothed against its noise.
 
     Parameters
     ----------
-    pair : tuple of two ndarray of uint8, shape (height, width)
+    grey : ndarray of uint8, shape (height, width)
+    noise : Spread
+        What is left of the noise. It cannot be estimated from the smoothed image, where
+        neighbours share theirs.
+    noise_gradient : ndarray of float32, shape (256,)
+        What `image_gradient` finds at each brightness where there is nothing but this noise.
     share : float
-        Result of `noise_share`. At 0 the pair itself is returned.
+        How far noise hid the texture of the whole image, 0 to 1.
+    """
+
+    grey: NDArray[np.uint8]
+    noise: Spread
+    noise_gradient: Levels
+    share: float
+
+
+def smoothed_against_noise(
+    grey: NDArray[np.uint8], noise: Spread, share: Spread, parameters: ImageParameters
+) -> Smoothed:
+    """Smooth each pixel as far as noise hides the texture at its brightness.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (height, width)
+    noise : Spread
+    share : Spread
+        Result of `noise_share`. At a brightness where it is 0, the image stays as it is.
     parameters : ImageParameters
     """
-    if share == 0:
-        return pair
-    sigma_px = share * parameters.max_smoothing_px
-    left, right = (
-        np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), np.uint8) for image in pair
-    )
-    return left, right
+    shares = share.by_brightness
+    scharr = np.outer((3, 10, 3), (-1, 0, 1)) / 32
+    gradient = noise.by_brightness * remaining_noise(shares, parameters, scharr)
+    if not shares.any():
+        return Smoothed(grey, noise, gradient, share.overall)
+    weight = looked_up(shares, grey, parameters)
+    smooth = cv2.GaussianBlur(grey, (0, 0), parameters.smoothing_px)
+    blended = np.asarray(cv2.blendLinear(smooth, grey, weight, 1 - weight), np.uint8)
+    rounding = np.float32(_ROUNDING) * (shares > 0)
+    left = np.hypot(noise.by_brightness * remaining_noise(shares, parameters), rounding)
+    gradient = np.hypot(gradient, rounding * np.float32(np.linalg.norm(scharr)))
+    noise = Spread(float(grey_level_shares(grey) @ left), left)
+    return Smoothed(blended, noise, gradient, share.overall)
 
 
-def remaining_noise(share: float, parameters: ImageParameters) -> float:
-    """Compute how much of the noise's standard deviation `smoothed_against_noise` leaves.
-
-    It cannot be estimated from the smoothed image, where neighbours share their noise.
+def remaining_noise(
+    share: Levels, parameters: ImageParameters, kernel: NDArray[np.float64] = _IDENTITY
+) -> Levels:
+    """Compute how much of the noise's standard deviation smoothing leaves.
 
     Parameters
     ----------
-    share : float
-        Result of `noise_share`.
+    share : ndarray of float32, shape (256,)
+        Result of `noise_share` at each brightness.
     parameters : ImageParameters
+    kernel : ndarray of float64
+        Filter applied afterwards; none if omitted.
 
     Returns
     -------
-    float
-        0 to 1.
+    ndarray of float32, shape (256,)
     """
-    if share == 0:
-        return 1.0
-    sigma_px = share * parameters.max_smoothing_px
-    reach = math.ceil(4 * sigma_px)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma_px) ** 2)
-    return float(np.sum(weights**2) / np.sum(weights) ** 2)
-
-
-def _exposed_spread(
-    values: cv2.typing.MatLike, grey: NDArray[np.uint8], parameters: ImageParameters
-) -> float:
-    """Estimate the spread of values over a sample of the pixels neither black nor saturated.
-
-    Over all of the sample if too few are well exposed.
-    """
-    thin = max(1, math.isqrt(grey.size // parameters.noise_samples))
-    every = np.s_[::thin, ::thin]
-    mean = np.asarray(cv2.blur(grey, (parameters.exposure_window_px,) * 2))[every]
-    exposed = (mean > parameters.black_grey_level) & (mean < parameters.white_grey_level)
-    sample = np.asarray(values)[every]
-    enough = exposed.mean() > parameters.min_exposed_share
-    return robust_spread(sample[exposed] if enough else sample)
+    reach = math.ceil(4 * parameters.smoothing_px)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / parameters.smoothing_px) ** 2)
+    centre = np.zeros_like(weights)
+    centre[reach] = weights.sum()
+    kept, smooth = (
+        cv2.filter2D(
+            np.pad(np.outer(each, each) / weights.sum() ** 2, 1),
+            -1, kernel, borderType=cv2.BORDER_CONSTANT,
+        )
+        for each in (centre, weights)
+    )  # fmt: skip
+    # Of two filtered images added, each with its share: variances, and twice the covariance.
+    variance = (1 - share) ** 2 * float(np.sum(kept**2))
+    variance += 2 * share * (1 - share) * float(np.sum(kept * smooth))
+    variance += share**2 * float(np.sum(smooth**2))
+    return np.asarray(np.sqrt(variance), np.float32)

@@ -12,12 +12,32 @@ class ImageParameters:
     Parameters
     ----------
     quiet_noise_ratio : float
-        Ratio of noise to texture below which an image is not smoothed. Tuned on the tuning scenes.
+        Ratio of noise to texture below which nothing is smoothed. Tuned on the tuning scenes.
     noisy_noise_ratio : float
-        Ratio of noise to texture from which an image is smoothed fully. Tuned on the tuning
-        scenes.
-    max_smoothing_px : float
-        Standard deviation of the Gaussian at full smoothing. Tuned on the tuning scenes.
+        Ratio of noise to texture from which all is smoothed. Tuned on the tuning scenes.
+    smoothing_px : float
+        Standard deviation of the Gaussian. Tuned on the tuning scenes.
+    brightness_bands : tuple of int
+        Grey levels between the bands in which noise and texture are measured. Derived: noise
+        changes little within half an octave of brightness.
+    min_band_share : float
+        Share of the image that gives a band. Derived: a hundred pixels of the sample, whose median
+        has an error of a tenth.
+    shadow_brightness : float
+        What is darker than this, relative to the median of the image, may be shadow. Tuned on the
+        tuning scenes of all suites.
+    even_contrast_ratio : float
+        Contrast within this factor of that of the whole image is left as it is. Tuned on the
+        tuning scenes of all suites.
+    min_texture_ratio : float
+        Gradients must exceed those of the noise by this factor, or shadow holds nothing to raise.
+        Tuned on the tuning scenes of all suites and on ray-cast ground in black shadow.
+    max_shadow_gain : float
+        Most by which the contrast of shadows is raised for matching. Tuned on the tuning scenes of
+        all suites.
+    unclipped_share : float
+        Share of the image that raised shadows must not push beyond white. Derived: all but
+        highlights.
     noise_samples : int
         Pixels from which noise and gradient are estimated, for speed. Derived: the median of so
         many has an error under 1 %.
@@ -50,7 +70,14 @@ class ImageParameters:
 
     quiet_noise_ratio: float = 0.8
     noisy_noise_ratio: float = 1.2
-    max_smoothing_px: float = 1.0
+    smoothing_px: float = 1.0
+    brightness_bands: tuple[int, ...] = (8, 16, 24, 32, 48, 64, 96, 128, 192)
+    min_band_share: float = 0.005
+    shadow_brightness: float = 0.5
+    even_contrast_ratio: float = 1.25
+    min_texture_ratio: float = 1.2
+    max_shadow_gain: float = 4.0
+    unclipped_share: float = 0.999
     noise_samples: int = 20_000
     exposure_window_px: int = 9
     black_grey_level: int = 2

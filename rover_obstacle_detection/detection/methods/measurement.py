@@ -21,9 +21,12 @@ from rover_obstacle_detection.detection.geometry.plane_fit import (
     known_height_m,
 )
 from rover_obstacle_detection.detection.geometry.resolution import working_camera
+from rover_obstacle_detection.detection.images.brightness import Spread
+from rover_obstacle_detection.detection.images.contrast import with_even_contrast
 from rover_obstacle_detection.detection.images.image_noise import (
+    Smoothed,
+    image_gradient,
     image_noise,
-    remaining_noise,
     smoothed_against_noise,
 )
 from rover_obstacle_detection.detection.images.texture import texture_level
@@ -118,14 +121,12 @@ def measure(
     frame = frame.resized(working_camera(full, ground, p.resolution))
     correction = coarse.correction.reduced(full.width / frame.camera.width)
     finished('resize')
-    noise_share = stages.noise_share(frame.pair[0], p.images)
-    remaining = remaining_noise(noise_share, p.images)
-    left_noise, right_noise = (remaining * image_noise(each, p.images) for each in frame.pair)
-    frame = replace(frame, pair=smoothed_against_noise(frame.pair, noise_share, p.images))
+    left, right = (without_noise(image, p, stages) for image in frame.pair)
+    frame = replace(frame, pair=(left.grey, right.grey))
     straight = correction.straightened(frame)
     finished('noise')
-    stereo = match(straight, coarse, correction, ground, noise_share, p, stages, finished)
-    stereo, sparse, warnings = supported(stereo, (left_noise, right_noise), p)
+    stereo = match(straight, coarse, correction, ground, left, p, stages, finished)
+    stereo, sparse, warnings = supported(stereo, (left.noise, right.noise), p)
     stereo = within_range(stereo, p.stereo.min_range_m, p.terrain.max_range_m)
     if not ground.measured and frame.gravity is None:
         # Images that do not belong together may seem to show ground anywhere.
@@ -148,6 +149,16 @@ def measure(
     stereo = replace(stereo, ground=replace(ground, up=up))
     finished('vertical')
     return Measurement(frame, correction, stereo, terrain, brims, sparse, doubts + warnings)
+
+
+def without_noise(
+    grey: NDArray[np.uint8], parameters: DetectorParameters, stages: HybridStages
+) -> Smoothed:
+    """Smooth an image where noise hides its texture."""
+    p = parameters.images
+    noise = image_noise(grey, p)
+    share = stages.noise_share(noise, image_gradient(grey, p), p)
+    return smoothed_against_noise(grey, noise, share, p)
 
 
 def match_coarsely(
@@ -220,19 +231,21 @@ def match(
     coarse: Rectified,
     correction: Correction,
     ground: GroundPlane,
-    noise_share: float,
+    smoothed: Smoothed,
     parameters: DetectorParameters,
     stages: HybridStages,
     finished: Finished,
 ) -> Stereo:
     """Match the straightened images relative to the ground, to a fraction of a pixel."""
     p, rows, left = parameters, correction.rows, frame.pair[0]
+    gradient = image_gradient(left, p.images)
     plane = DisparityPlane.from_ground(ground, coarse.camera)
     reduction = frame.camera.width / coarse.camera.width
     search = residual_range(coarse.disparity, coarse.camera, reduction, plane, p.stereo)
-    penalties = image_penalties(left, noise_share, p.stereo, p.images)
+    penalties = image_penalties(gradient.overall, smoothed.share, p.stereo)
+    pair = with_even_contrast(frame.pair, gradient, smoothed.noise_gradient, p.images)
     expected, disparity = match_against_ground(
-        frame, ground, search, penalties, correction, p.stereo
+        replace(frame, pair=pair), ground, search, penalties, correction, p.stereo
     )
     finished('disparity')
     refined = stages.refine(frame.pair, disparity, frame.camera, rows, p.stereo)
@@ -250,14 +263,14 @@ def match(
 
 
 def supported(
-    stereo: Stereo, noise: tuple[float, float], parameters: DetectorParameters
+    stereo: Stereo, noise: tuple[Spread, Spread], parameters: DetectorParameters
 ) -> tuple[Stereo, Mask, tuple[str, ...]]:
     """Remove the matches that the images do not support; warn of images that hardly agree.
 
     Parameters
     ----------
     stereo : Stereo
-    noise : tuple of float
+    noise : tuple of Spread
         Standard deviation of the noise of each image, grey levels.
     parameters : DetectorParameters
 
@@ -273,7 +286,9 @@ def supported(
         visible &= ~frame.excluded
     # Fine texture looks like noise, noise of the difference includes false matches.
     most = stereo.grey_noise / 2**0.5
-    left_noise, right_noise = (min(each, most) for each in noise)
+    left_noise, right_noise = (
+        each.by_brightness * min(1.0, most / each.overall) for each in noise
+    )
     support = measure_support(
         frame.pair,
         stereo.disparity,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.images.brightness import Spread
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.image_noise import noise_share
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
@@ -47,7 +48,7 @@ class HybridStages:
     An ablation replaces one of them: see ``evaluation/methods/ablation.py``.
     """
 
-    noise_share: Callable[[NDArray[np.uint8], ImageParameters], float] = noise_share
+    noise_share: Callable[[Spread, Spread, ImageParameters], Spread] = noise_share
     rectify: Callable[[ReducedPair, CoarseMatch, RectificationParameters], Rectified] = rectify
     refine: Callable[
         [GreyPair, Image, StereoCamera, RowAlignment, StereoParameters], RefinedDisparity

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
-from rover_obstacle_detection.detection.images.image_noise import gradient_level
-from rover_obstacle_detection.detection.images.parameters import ImageParameters
 from rover_obstacle_detection.detection.images.texture import untextured
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
@@ -104,10 +102,7 @@ def match_against_ground(
 
 
 def image_penalties(
-    grey: NDArray[np.uint8],
-    noise_share: float,
-    parameters: StereoParameters,
-    images: ImageParameters,
+    gradient: float, noise_share: float, parameters: StereoParameters
 ) -> Penalties:
     """Choose SGBM's penalties by the contrast of the image, unless the user set them.
 
@@ -117,14 +112,13 @@ def image_penalties(
 
     Parameters
     ----------
-    grey : ndarray of uint8, shape (height, width)
-        Left image.
+    gradient : float
+        Typical gradient of the left image, grey levels per pixel.
     noise_share : float
         How far noise hides the texture, 0 to 1.
     parameters : StereoParameters
-    images : ImageParameters
     """
-    unit = gradient_level(grey, images) * parameters.block_size_px**2
+    unit = gradient * parameters.block_size_px**2
     unit *= parameters.smoothness * (1 + parameters.noise_penalty * noise_share)
     step, jump = round(parameters.step_penalty * unit), round(parameters.jump_penalty * unit)
     return chosen_penalties(parameters, Penalties(max(1, step), jump))

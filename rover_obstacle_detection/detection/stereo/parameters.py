@@ -71,7 +71,7 @@ class SupportParameters:
     min_signal: float = 1.0
     clear_signal: float = 2.0
     min_correlation: float = 0.3
-    min_dense_share: float = 0.8
+    min_dense_share: float = 0.9
     agreeing_correlation: float = 0.6
     min_repetition_px: float = 3.0
     repetition_tolerance: float = 0.05

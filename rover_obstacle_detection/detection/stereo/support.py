@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.images.brightness import Levels
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.strips import Strip, in_strips
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
@@ -56,7 +57,7 @@ def measure_support(
     camera: StereoCamera,
     rows: RowAlignment,
     visible: Mask,
-    noise: tuple[float, float],
+    noise: tuple[Levels, Levels],
     parameters: SupportParameters,
 ) -> Support:
     """Compare the left image with the right image warped by the disparity.
@@ -72,8 +73,8 @@ def measure_support(
     rows : RowAlignment
     visible : ndarray of bool, shape (height, width)
         Pixels that should have a match: not the rover, not the sky, not outside the right image.
-    noise : tuple of float
-        Standard deviation of the noise of each image, grey levels.
+    noise : tuple of ndarray of float32, shape (256,)
+        Standard deviation of the noise of each image at each brightness, grey levels.
     parameters : SupportParameters
 
     Notes
@@ -83,15 +84,19 @@ def measure_support(
     surroundings, and nothing supports it.
     """
     p = parameters
-    least = np.float32(max(max(noise), p.min_noise) ** 2 * (1 + p.min_signal**2))
+    left_least, right_least = (_signal_variance(each, p.min_signal, p) for each in noise)
+    clear = [_signal_variance(each, p.clear_signal, p) for each in noise]
+    means = [cv2.blur(image, (p.window_px,) * 2) for image in pair]
+    least = np.asarray(cv2.LUT(means[0], left_least), np.float32)
     masks = [np.empty(disparity.shape, np.bool_) for _ in range(5)]
 
     def compare(strip: Strip) -> None:
         view = _View(pair, camera, rows, strip.padded, slice(0, camera.width))
-        part = _compare(view, disparity[strip.padded], expected[strip.padded], least, p)
+        shown = disparity[strip.padded], expected[strip.padded], least[strip.padded]
+        part = _compare(view, *shown, right_least, p)
         textured = (
-            _variance(image[strip.padded], p.window_px) > _clear(each, p)
-            for image, each in zip(pair, noise, strict=True)
+            _variance(image[strip.padded], p.window_px) > cv2.LUT(mean[strip.padded], each)
+            for image, mean, each in zip(pair, means, clear, strict=True)
         )
         for mask, each in zip(masks, (*part, *textured), strict=True):
             mask[strip.rows] = strip.inner(each)
@@ -169,10 +174,21 @@ def _compare(
     view: _View,
     disparity: Image,
     expected: Image,
-    least: np.float32,
+    left_least: Image,
+    right_least: Levels,
     parameters: SupportParameters,
 ) -> tuple[Mask, Mask, Mask]:
     """Compare both images in some rows.
+
+    Parameters
+    ----------
+    view : _View
+    disparity, expected : ndarray of float32, shape (rows, width)
+    left_least : ndarray of float32, shape (rows, width)
+        Variance over which a window of the left image shows more than noise.
+    right_least : ndarray of float32, shape (256,)
+        The same at each brightness of the right image.
+    parameters : SupportParameters
 
     Returns
     -------
@@ -182,6 +198,8 @@ def _compare(
     p = parameters
     matched = disparity > 0
     warped = view.warped(disparity)
+    least = cv2.LUT(cv2.blur(warped, (p.window_px,) * 2), right_least)
+    least = np.maximum(left_least, least)
     near = _Windows(view.left, warped, matched, p.window_px)
     shows, correlation = near.least_variance > least, near.correlation()
     bare = matched & ~shows
@@ -283,11 +301,11 @@ def _box(mask: Mask, reach_px: int) -> tuple[slice, slice]:
     return slice(max(top - reach_px, 0), last_row), slice(max(left - reach_px, 0), last_column)
 
 
-def _plain_areas(left: Grey, bare: Mask, least: np.float32, parameters: SupportParameters) -> Mask:
+def _plain_areas(left: Grey, bare: Mask, least: Image, parameters: SupportParameters) -> Mask:
     """Areas of bare pixels with at least one that shows no texture in a wider window either."""
     areas = np.zeros_like(bare)
     box = _box(bare, max(parameters.plain_window_px, parameters.window_px) // 2)
-    bare, left = bare[box], left[box]
+    bare, left, least = bare[box], left[box], least[box]
     core = bare & (_variance(left, parameters.plain_window_px) <= least)
     count, labels = cv2.connectedComponents(bare.astype(np.uint8), connectivity=8)
     plain = np.bincount(labels[core], minlength=count) > 0
@@ -298,9 +316,10 @@ def _plain_areas(left: Grey, bare: Mask, least: np.float32, parameters: SupportP
     return areas
 
 
-def _clear(noise: float, parameters: SupportParameters) -> np.float32:
-    """Variance above which a window shows clear texture."""
-    return np.float32(max(noise, parameters.min_noise) ** 2 * (1 + parameters.clear_signal**2))
+def _signal_variance(noise: Levels, signal: float, parameters: SupportParameters) -> Levels:
+    """Variance over which a window shows a signal of so many standard deviations of the noise."""
+    least = np.maximum(noise, np.float32(parameters.min_noise))
+    return np.asarray(np.square(least) * np.float32(1 + signal**2), np.float32)
 
 
 def _variance(image: Grey, window_px: int) -> Image:

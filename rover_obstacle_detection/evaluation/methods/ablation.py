@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.images.brightness import Spread
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
@@ -63,9 +64,9 @@ def left_out_stage(method: str) -> str | None:
     return stage if stage != method and stage in ABLATIONS else None
 
 
-def _no_noise(grey: NDArray[np.uint8], parameters: ImageParameters) -> float:
+def _no_noise(noise: Spread, gradient: Spread, parameters: ImageParameters) -> Spread:
     """Take the image to be free of noise."""
-    return 0.0
+    return Spread(0.0, np.zeros_like(noise.by_brightness))
 
 
 def _uncorrected(

@@ -41,7 +41,7 @@ def test_pixels_are_known_where_noise_would_not_hide_a_step():
     assert found.known[obstacle].all()
     # What is higher than a step but no obstacle is unknown, and so is what lies behind a brim.
     level = quiet & (np.abs(found.height) < 0.1)
-    assert found.known[level].mean() > 0.99
+    assert found.known[level].mean() > 0.95
     high = ~obstacle & (np.abs(found.height) > 0.1 + 3 * found.height_noise)
     assert high.any()
     assert not found.known[high].any()

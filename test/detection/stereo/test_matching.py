@@ -10,6 +10,7 @@ import waves
 
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.images.image_noise import image_gradient
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
 from rover_obstacle_detection.detection.rectification.correction import UNCORRECTED, Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import (
@@ -102,7 +103,8 @@ def test_matches_outside_a_straightened_image_are_removed():
 
 
 def penalties_of(grey, noise_share=0.0, **parameters):
-    return image_penalties(grey, noise_share, StereoParameters(**parameters), IMAGES)
+    gradient = image_gradient(grey, IMAGES).overall
+    return image_penalties(gradient, noise_share, StereoParameters(**parameters))
 
 
 def textured(contrast):

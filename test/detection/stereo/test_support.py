@@ -44,7 +44,10 @@ def measured(
     disparity = disparity.astype(np.float32)
     expected = disparity if expected is None else expected.astype(np.float32)
     visible = fields.get('visible', np.arange(CAMERA.width) >= TRUTH)
-    noise = fields.get('noise', (NOISE, NOISE))
+    noise = [
+        np.broadcast_to(np.float32(each), 256).copy()
+        for each in fields.get('noise', (NOISE, NOISE))
+    ]
     return measure_support(images, disparity, expected, camera, rows, visible, noise, parameters)
 
 
