@@ -56,15 +56,16 @@ def spread_by_brightness(
     every = np.s_[::thin, ::thin]
     mean, sample = _local_mean(grey, p)[every].ravel(), np.asarray(response)[every].ravel()
     exposed = (mean > p.black_grey_level) & (mean < p.white_grey_level)
-    if exposed.mean() > p.min_exposed_share:
+    if np.count_nonzero(exposed) > p.min_exposed_share * exposed.size:
         mean, sample = mean[exposed], sample[exposed]
-    band = np.digitize(mean, p.brightness_bands)
+    # Bytes are sorted in linear time.
+    order = np.argsort(mean, kind='stable')
+    ends = np.searchsorted(mean[order], p.brightness_bands)
     levels, spreads = [], []
-    for each in np.unique(band):
-        inside = band == each
-        if inside.mean() > p.min_band_share:
-            levels.append(float(np.median(mean[inside])))
-            spreads.append(robust_spread(sample[inside]))
+    for band in np.split(order, ends):
+        if band.size > p.min_band_share * mean.size:
+            levels.append(float(mean[band].mean()))
+            spreads.append(robust_spread(sample[band]))
     by_brightness = np.interp(np.arange(256), levels, spreads).astype(np.float32)
     return Spread(robust_spread(sample), by_brightness)
 
