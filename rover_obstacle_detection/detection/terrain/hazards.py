@@ -14,7 +14,7 @@ from rover_obstacle_detection.detection.images.components import (
     marked,
     rows_of_components,
 )
-from rover_obstacle_detection.detection.terrain.elevation_map import cell_means
+from rover_obstacle_detection.detection.terrain.elevation_map import Grid, cell_means
 from rover_obstacle_detection.detection.terrain.gradient import ground_height, ground_rise
 from rover_obstacle_detection.detection.terrain.local_ground import smoothed
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
@@ -69,13 +69,30 @@ def dropping_ground(
     def dropped(layer: Layer) -> Hazard:
         cell_m = layer.positions.cell_m
         height_m, noise_m = ground_height(layer, p)
-        depth_m = hollow_depth(level_heights(height_m, cell_m, ground), layer.seen, cell_m, p)
+        level_m = level_heights(height_m, cell_m, ground)
+        depth_m = hollow_depth(level_m, layer.seen, cell_m, p)
         found = depth_m > p.max_step_m + p.drop_noises * noise_m
         least_m = min(p.min_hollow_m, p.max_step_m / 2)
-        possible = depth_m > np.maximum(p.max_step_m - p.free_noises * noise_m, least_m)
+        sure_m = np.maximum(p.max_step_m - p.free_noises * noise_m, least_m)
+        possible = depth_m > sure_m
+        if found.any():
+            possible |= _below_rim_nearby(found, level_m, depth_m, cell_m, p) > sure_m
         return Hazard(np.asarray(found), np.asarray(possible))
 
     return _on_pixels(terrain, dropped, p)
+
+
+def _below_rim_nearby(
+    found: Mask, level_m: Grid, depth_m: Grid, cell_m: float, parameters: TerrainParameters
+) -> Grid:
+    """Depth below the highest rim of a hollow found nearby.
+
+    A hollow may go on where its rim is hidden or outside the view.
+    """
+    rim_m = np.where(found, level_m + depth_m, np.float32(-1e4))
+    size = round(parameters.max_hollow_m / cell_m) | 1
+    highest_m = cv2.dilate(rim_m, cv2.getStructuringElement(cv2.MORPH_RECT, (size, size)))
+    return np.asarray(highest_m - level_m, np.float32)
 
 
 def rough_ground(terrain: Terrain, obstacles: Mask, parameters: TerrainParameters) -> Mask:
