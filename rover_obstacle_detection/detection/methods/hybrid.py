@@ -24,6 +24,7 @@ from rover_obstacle_detection.detection.terrain.hazards import (
     level_heights_known,
     rough_ground,
     tall,
+    without_gaps,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -67,6 +68,7 @@ def detect_hybrid(
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
     finished('roughness')
     border = (terrain, stereo.disparity, frame.camera, p.terrain)
+    steep = without_gaps(steep, p.terrain)
     steep |= slope_in_border(steep, *border)
     high = rocks.high | tall(terrain, p.terrain)
     high |= walls_in_border(high | steep, *border)

@@ -38,7 +38,7 @@ def slope_in_border(
         Pixels without 3D whose nearest measured pixel is on a slope, within reach, and hardly
         inside the right image.
     """
-    large = steep & ~small_parts(steep, round(parameters.min_border_slope_share * steep.size))
+    large = steep & ~small_parts(steep, round(parameters.min_large_slope_share * steep.size))
     reach_px = parameters.border_reach_m * terrain.pixels_per_metre
     return _continued(large, reach_px, terrain, disparity, camera, parameters)
 

@@ -13,6 +13,7 @@ from rover_obstacle_detection.detection.images.components import (
     components,
     marked,
     rows_of_components,
+    small_parts,
 )
 from rover_obstacle_detection.detection.terrain.elevation_map import Grid, cell_means
 from rover_obstacle_detection.detection.terrain.gradient import ground_height, ground_rise
@@ -50,6 +51,24 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
         return Hazard(found, possible | _dilated(found, margin_m / layer.positions.cell_m))
 
     return _on_pixels(terrain, steep, p)
+
+
+def without_gaps(steep: Mask, parameters: TerrainParameters) -> Mask:
+    """Fill the gaps that matching leaves in large slopes.
+
+    Parameters
+    ----------
+    steep : ndarray of bool, shape (height, width)
+        Pixels of slopes, where they are measured.
+    parameters : TerrainParameters
+    """
+    if not steep.any():
+        return steep
+    p = parameters
+    large = steep & ~small_parts(steep, round(p.min_large_slope_share * steep.size))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (p.max_slope_gap_px | 1,) * 2)
+    closed = cv2.morphologyEx(large.view(np.uint8), cv2.MORPH_CLOSE, kernel)
+    return np.asarray(steep | (closed > 0))
 
 
 def dropping_ground(

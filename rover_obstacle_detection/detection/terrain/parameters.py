@@ -125,8 +125,12 @@ class TerrainParameters:
         Standard deviations by which a height exceeds that, or the step. Derived: the usual three.
     border_px : float
         Matches are unreliable within this distance of the right image's left border.
-    min_border_slope_share : float
-        Share of the image below which a slope does not continue.
+    min_large_slope_share : float
+        Share of the image from which a slope is large: it has no gaps, and continues into the left
+        border. Tuned on the tuning scenes.
+    max_slope_gap_px : int
+        Width of the gaps that are filled in large slopes. Derived: the windows in which matches
+        are supported.
     vertical : VerticalParameters
     backdrop : BackdropParameters
     brims : BrimParameters
@@ -184,7 +188,8 @@ class TerrainParameters:
     min_wall_share: float = 0.5
     certain_noises: float = 3.0
     border_px: float = 5
-    min_border_slope_share: float = 0.0025
+    min_large_slope_share: float = 0.0025
+    max_slope_gap_px: int = 10
     vertical: VerticalParameters = field(default_factory=VerticalParameters)
     backdrop: BackdropParameters = field(default_factory=BackdropParameters)
     brims: BrimParameters = field(default_factory=BrimParameters)

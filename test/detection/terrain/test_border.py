@@ -62,7 +62,7 @@ def test_specks_of_a_slope_do_not_continue():
     measured[:, 20:] = True
     steep[10:13, 20:23] = True
     assert not continued(steep, measured, 20).any()
-    fine = replace(PARAMETERS, min_border_slope_share=0.001)
+    fine = replace(PARAMETERS, min_large_slope_share=0.001)
     assert continued(steep, measured, 20, fine).any()
 
 
