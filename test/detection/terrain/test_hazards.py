@@ -18,6 +18,7 @@ from rover_obstacle_detection.detection.terrain.hazards import (
     rough_ground,
     steep_ground,
     tall,
+    without_gaps,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 
@@ -156,6 +157,25 @@ def test_hollow_is_possible_within_two_deviations_of_noise(depth, noise_px, poss
     assert dropped.possible[inner].mean() == pytest.approx(possible, abs=0.1)
 
 
+def test_low_ground_beside_a_hollow_is_possible_where_its_rim_is_too_far():
+    def low_ground_with_a_notch(x, y):
+        notch = (abs(x) < 0.4) & (abs(y - 2) < 0.4)
+        return np.where(notch | ((x < -0.3) & (y > 1.0) & (y < 5)), -0.3, 0.0)
+
+    _, dropped, x, y = judged(low_ground_with_a_notch)
+    notch = (abs(x) < 0.2) & (abs(y - 2) < 0.2)
+    assert dropped.found[notch].mean() > 0.9
+    beside = (x > -0.8) & (x < -0.5) & (abs(y - 2) < 0.2)
+    assert beside.sum() > 20
+    assert (dropped.found | dropped.possible)[beside].all()
+    # Level ground there is as high as the rim.
+    assert not dropped.possible[(x > 0.6) & (x < 1.2) & (abs(y - 2) < 0.4)].any()
+    # Away from what is found, low ground is as far below as everything around it.
+    far = (x < -1.0) & (y > 3.5) & (y < 4.0)
+    assert far.sum() > 20
+    assert not dropped.possible[far].any()
+
+
 def test_hollow_of_two_small_steps_is_possible():
     _, dropped, x, y = judged(block(0.0, 2.0, 0.8, -0.02), max_step_m=0.01)
     inner = np.maximum(abs(x), abs(y - 2)) < 0.3
@@ -190,6 +210,33 @@ def test_cells_are_dilated_by_whole_cells(radius, width):
     found = module._dilated(one, radius)
     for middle in (found[7], found[:, 7]):
         assert np.flatnonzero(middle).tolist() == list(range(7 - width // 2, 8 + width // 2))
+
+
+def slope_with(*gaps):
+    steep = np.zeros((80, 100), bool)
+    steep[20:60, 20:80] = True
+    for gap in gaps:
+        steep[gap] = False
+    return steep
+
+
+def test_large_slopes_have_no_gaps():
+    narrow, wide = np.s_[30:50, 40:48], np.s_[30:50, 55:70]
+    steep = slope_with(narrow, wide)
+    found = without_gaps(steep, PARAMETERS)
+    assert found[narrow].all()
+    assert not found[32:48, 57:68].any()
+    assert found[steep].all()
+    # It grows no further.
+    assert not found[~slope_with()].any()
+
+
+def test_specks_are_not_joined():
+    specks = np.zeros((80, 100), bool)
+    specks[20:24, 20:24] = specks[20:24, 28:32] = True
+    np.testing.assert_array_equal(without_gaps(specks, PARAMETERS), specks)
+    nothing = np.zeros_like(specks)
+    assert without_gaps(nothing, PARAMETERS) is nothing
 
 
 def terrain_of(height_m, noise_m, layers=()):
