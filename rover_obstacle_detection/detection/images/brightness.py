@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.robust import robust_spread
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
 
+Image = NDArray[np.float32]
 Levels = NDArray[np.float32]
 """A value at each grey level, shape (256,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Spread of a filter's response around 0.
+    """A measure of an image, such as the spread of a filter's response.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def spread_by_brightness(
     return Spread(robust_spread(sample), by_brightness)
 
 
-def looked_up(levels: Levels, grey: NDArray[np.uint8], parameters: ImageParameters) -> Levels:
+def looked_up(levels: Levels, grey: NDArray[np.uint8], parameters: ImageParameters) -> Image:
     """Return the value at the local brightness of each pixel.
 
     Parameters
@@ -86,9 +87,16 @@ def looked_up(levels: Levels, grey: NDArray[np.uint8], parameters: ImageParamete
     return np.asarray(cv2.LUT(_local_mean(grey, parameters), levels), np.float32)
 
 
-def grey_level_shares(grey: NDArray[np.uint8]) -> Levels:
-    """Share of the pixels that have each grey level."""
+def grey_level_shares(grey: NDArray[np.uint8], parameters: ImageParameters) -> Levels:
+    """Share of the pixels that have each grey level.
+
+    Black and saturated pixels do not count, unless almost all are.
+    """
     counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()
+    exposed = counts.copy()
+    exposed[: parameters.black_grey_level + 1] = exposed[parameters.white_grey_level :] = 0
+    if exposed.sum() > parameters.min_exposed_share * counts.sum():
+        counts = exposed
     return np.asarray(counts / counts.sum(), np.float32)
 
 

@@ -39,7 +39,8 @@ def with_even_contrast(
     tuple of two ndarray of uint8, shape (height, width)
         The pair itself if no shadow needs it.
     """
-    curve = tone_curve(grey_level_shares(pair[0]), gradient, noise_gradient, parameters)
+    shares = grey_level_shares(pair[0], parameters)
+    curve = tone_curve(shares, gradient, noise_gradient, parameters)
     if curve is None:
         return pair
     left, right = (np.asarray(cv2.LUT(image, curve), np.uint8) for image in pair)
@@ -62,7 +63,7 @@ def tone_curve(
     Returns
     -------
     ndarray of uint8, shape (256,) or None
-        Rising. None if there is nothing to raise.
+        Never falling, and 0 only for black. None if there is nothing to raise.
     """
     reached = np.cumsum(shares)
     median = int(np.searchsorted(reached, 0.5))
@@ -76,4 +77,5 @@ def tone_curve(
     curve = np.cumsum(gain) - gain[0]
     brightest = curve[min(int(np.searchsorted(reached, parameters.unclipped_share)), 255)]
     curve *= min(1.0, 255 / max(float(brightest), 1.0))
-    return np.asarray(np.clip(np.rint(curve), 0, 255), np.uint8)
+    curve[1:] = np.clip(np.rint(curve[1:]), 1, 255)
+    return np.asarray(curve, np.uint8)

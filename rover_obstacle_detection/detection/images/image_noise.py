@@ -120,8 +120,9 @@ def smoothed_against_noise(
     rounding = np.float32(_ROUNDING) * (shares > 0)
     left = np.hypot(noise.by_brightness * remaining_noise(shares, parameters), rounding)
     gradient = np.hypot(gradient, rounding * np.float32(np.linalg.norm(scharr)))
-    noise = Spread(float(grey_level_shares(grey) @ left), left)
-    return Smoothed(blended, noise, gradient, share.overall)
+    brightness = grey_level_shares(grey, parameters)
+    kept = float(brightness @ left) / float(brightness @ noise.by_brightness)
+    return Smoothed(blended, Spread(noise.overall * kept, left), gradient, share.overall)
 
 
 def remaining_noise(
@@ -134,7 +135,7 @@ def remaining_noise(
     share : ndarray of float32, shape (256,)
         Result of `noise_share` at each brightness.
     parameters : ImageParameters
-    kernel : ndarray of float64
+    kernel : ndarray of float64, at most 3 x 3
         Filter applied afterwards; none if omitted.
 
     Returns

@@ -18,11 +18,11 @@ class ImageParameters:
     smoothing_px : float
         Standard deviation of the Gaussian. Tuned on the tuning scenes.
     brightness_bands : tuple of int
-        Grey levels between the bands in which noise and texture are measured. Derived: noise
-        changes little within half an octave of brightness.
+        Grey levels between the bands in which noise and texture are measured. Derived: from 16 on,
+        half an octave each, within which noise changes little.
     min_band_share : float
-        Share of the image that gives a band. Derived: a hundred pixels of the sample, whose median
-        has an error of a tenth.
+        Bands with a smaller share of the image are not measured. Derived: a hundred pixels of the
+        full sample, whose median has an error of a tenth.
     shadow_brightness : float
         What is darker than this, relative to the median of the image, may be shadow. Tuned on the
         tuning scenes of all suites.
@@ -42,7 +42,7 @@ class ImageParameters:
         Pixels from which noise and gradient are estimated, for speed. Derived: the median of so
         many has an error under 1 %.
     exposure_window_px : int
-        Side of the window in which exposure is checked, odd. Tuned on the tuning scenes.
+        Side of the window whose mean is the local brightness, odd. Tuned on the tuning scenes.
     black_grey_level, white_grey_level : int
         Windows with a mean at or beyond these levels are clipped. Derived: the ends of the 8-bit
         range, less the noise of a dark or saturated pixel.

@@ -242,10 +242,12 @@ def match(
     plane = DisparityPlane.from_ground(ground, coarse.camera)
     reduction = frame.camera.width / coarse.camera.width
     search = residual_range(coarse.disparity, coarse.camera, reduction, plane, p.stereo)
+    even = with_even_contrast(frame.pair, gradient, smoothed.noise_gradient, p.images)
+    if even is not frame.pair:
+        gradient = image_gradient(even[0], p.images)
     penalties = image_penalties(gradient.overall, smoothed.share, p.stereo)
-    pair = with_even_contrast(frame.pair, gradient, smoothed.noise_gradient, p.images)
     expected, disparity = match_against_ground(
-        replace(frame, pair=pair), ground, search, penalties, correction, p.stereo
+        frame, even, ground, search, penalties, correction, p.stereo
     )
     finished('disparity')
     refined = stages.refine(frame.pair, disparity, frame.camera, rows, p.stereo)

@@ -30,11 +30,8 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
     frame : Frame
         As it was recorded.
     """
-    grey = frame.pair[0]
     if detection.camera.shape == frame.camera.shape:
-        if detection.grey is grey:
-            return detection
-        return replace(detection, grey=grey, study=replace(detection.study, grey=grey))
+        return detection
     factor = frame.camera.width / detection.camera.width
     own = {each.name: getattr(detection, each.name) for each in fields(detection)}
     own |= {name: resized(own[name], frame.camera.shape) for name in _PER_PIXEL}
@@ -44,9 +41,11 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
             own[name][frame.excluded] = 0
     own |= {
         'camera': frame.camera,
-        'grey': grey,
+        'grey': frame.pair[0],
         'disparity': disparity,
-        'study': replace(detection.study, grey=grey, disparity=disparity, camera=frame.camera),
+        'study': replace(
+            detection.study, grey=frame.pair[0], disparity=disparity, camera=frame.camera
+        ),
         'correction': detection.correction.reduced(1 / factor),
     }
     return EnlargedDetection(**own, judged=detection)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
+from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.texture import untextured
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.row_alignment import STRAIGHT, RowAlignment
@@ -55,6 +56,7 @@ class Stereo:
 
 def match_against_ground(
     frame: Frame,
+    even: GreyPair,
     ground: GroundPlane,
     search: tuple[int, int],
     penalties: Penalties,
@@ -67,6 +69,8 @@ def match_against_ground(
     ----------
     frame : Frame
         Straightened by the correction.
+    even : tuple of two ndarray of uint8, shape (height, width)
+        Its images with even contrast: see `with_even_contrast`.
     ground : GroundPlane
     search : tuple of int
         First residual and their number, pixels.
@@ -84,7 +88,7 @@ def match_against_ground(
     camera = frame.camera
     expected = DisparityPlane.from_ground(ground, camera).disparity(camera)
     disparity = warped_disparity(
-        frame.pair, camera, np.maximum(expected, 0), search, penalties, parameters, correction.rows
+        even, camera, np.maximum(expected, 0), search, penalties, parameters, correction.rows
     )
     sky = expected <= 0
     if sky.any():

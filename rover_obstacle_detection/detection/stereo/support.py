@@ -88,6 +88,7 @@ def measure_support(
     clear = [_signal_variance(each, p.clear_signal, p) for each in noise]
     means = [cv2.blur(image, (p.window_px,) * 2) for image in pair]
     least = np.asarray(cv2.LUT(means[0], left_least), np.float32)
+    plain_least = np.asarray(cv2.LUT(means[0], np.maximum(left_least, right_least)), np.float32)
     masks = [np.empty(disparity.shape, np.bool_) for _ in range(5)]
 
     def compare(strip: Strip) -> None:
@@ -109,7 +110,7 @@ def measure_support(
     enough = texture / judged > p.min_textured_share
     return Support(
         supported=supported,
-        plain=_plain_areas(pair[0], bare, least, p),
+        plain=_plain_areas(pair[0], bare, plain_least, p),
         left_textured_share=float(left_textured.mean()),
         right_textured_share=float(right_textured.mean()),
         agreeing_share=np.count_nonzero(alike & textured) / texture if enough else 1.0,

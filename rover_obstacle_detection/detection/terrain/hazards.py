@@ -54,7 +54,7 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
 
 
 def without_gaps(steep: Mask, parameters: TerrainParameters) -> Mask:
-    """Fill the gaps that matching leaves in large slopes.
+    """Fill narrow gaps in large slopes: where nothing is matched, and too little to stand on.
 
     Parameters
     ----------
@@ -94,8 +94,9 @@ def dropping_ground(
         least_m = min(p.min_hollow_m, p.max_step_m / 2)
         sure_m = np.maximum(p.max_step_m - p.free_noises * noise_m, least_m)
         possible = depth_m > sure_m
-        if found.any():
-            possible |= _below_rim_nearby(found, level_m, depth_m, cell_m, p) > sure_m
+        sure = found & (noise_m < p.max_ground_noise_share * p.max_step_m)
+        if sure.any():
+            possible |= _below_rim_nearby(sure, level_m, depth_m, cell_m, p) > sure_m
         return Hazard(np.asarray(found), np.asarray(possible))
 
     return _on_pixels(terrain, dropped, p)

@@ -129,8 +129,8 @@ class TerrainParameters:
         Share of the image from which a slope is large: it has no gaps, and continues into the left
         border. Tuned on the tuning scenes.
     max_slope_gap_px : int
-        Width of the gaps that are filled in large slopes. Derived: the windows in which matches
-        are supported.
+        Width of the gaps that are filled in large slopes. Tuned on the tuning scenes of all
+        suites.
     vertical : VerticalParameters
     backdrop : BackdropParameters
     brims : BrimParameters

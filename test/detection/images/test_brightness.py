@@ -83,6 +83,17 @@ def test_local_brightness_chooses_the_value():
 
 
 def test_shares_of_the_grey_levels():
-    found = grey_level_shares(halves(20, 160))
+    found = grey_level_shares(halves(20, 160), PARAMETERS)
     assert found[20] == found[160] == 0.5
     assert found.sum() == 1
+
+
+def test_black_and_saturated_pixels_have_no_share_unless_almost_all_are():
+    image = halves(0, 160)
+    image[:50, :60] = 255
+    found = grey_level_shares(image, PARAMETERS)
+    assert found[160] == 1
+    image[:, 60:118] = 0
+    found = grey_level_shares(image, PARAMETERS)
+    assert found[0] > 0.5
+    assert found.sum() == pytest.approx(1)

@@ -53,6 +53,14 @@ def test_even_light_stays_as_it_is():
     assert even(image) is image
 
 
+def test_black_sky_does_not_make_shadow_light():
+    image = shaded(0.3)
+    image[:90] = 0
+    found = even(image)
+    assert not found[:80].any()
+    assert contrast(found[100:, :50]) > 1.5 * contrast(image[100:, :50])
+
+
 def test_dull_ground_in_full_light_is_no_shadow():
     grey = np.where(COLUMNS < 60, 0.2, 1.0) * (waves.texture(COLUMNS, ROWS) - 128)
     image = waves.as_image(90 + 0.4 * grey)
@@ -66,7 +74,7 @@ def curve(shares, by_brightness, noise_gradient=0.0, **parameters):
 
 
 SHADOW = np.where(np.arange(256) < 30, 1.0, 5.0)
-HALF_DARK = grey_level_shares(np.repeat(np.uint8([20, 120, 120]), 10).reshape(3, 10))
+HALF_DARK = grey_level_shares(np.repeat(np.uint8([20, 120, 120]), 10).reshape(3, 10), PARAMETERS)
 
 
 def test_curve_rises_and_keeps_black():
@@ -85,7 +93,7 @@ def test_noise_alone_is_not_raised():
 
 
 def test_curve_keeps_what_is_bright_below_white():
-    shares = grey_level_shares(np.repeat(np.uint8([20, 120, 220]), 10).reshape(3, 10))
+    shares = grey_level_shares(np.repeat(np.uint8([20, 120, 220]), 10).reshape(3, 10), PARAMETERS)
     found = curve(shares, SHADOW)
     assert found[220] == 255
     assert found[120] < found[220]
@@ -93,7 +101,7 @@ def test_curve_keeps_what_is_bright_below_white():
 
 
 def test_shadow_is_relative_to_the_brightness_of_the_image():
-    bright = grey_level_shares(np.full((4, 4), 80, np.uint8))
+    bright = grey_level_shares(np.full((4, 4), 80, np.uint8), PARAMETERS)
     found = curve(bright, np.where(np.arange(256) < 60, 1.0, 5.0))
     gains = np.diff(found.astype(int))
     assert (gains[1:38] == 4).all()
@@ -104,6 +112,16 @@ def test_contrast_near_that_of_the_image_is_left():
     slight = np.where(np.arange(256) < 30, 4.1, 5.0)
     assert curve(HALF_DARK, slight) is None
     assert curve(HALF_DARK, slight, even_contrast_ratio=1.0) is not None
+
+
+def test_only_black_is_empty_afterwards():
+    shares = np.zeros(256, np.float32)
+    shares[[100, 240]] = 0.5
+    found = curve(
+        shares, np.where(np.arange(256) < 10, 5.0, np.where(np.arange(256) < 50, 0.5, 5))
+    )
+    assert found[0] == 0
+    assert found[1] == 1
 
 
 @pytest.mark.parametrize('level', [0, 255])

@@ -33,7 +33,9 @@ SCENE = synthetic.Scene(synthetic.pinhole(200, 150, 60.0, 0.06), 10.0, 1.0, nois
 def matched(frame, parameters=PARAMETERS, correction=UNCORRECTED):
     up = SCENE.gravity.up
     ground = GroundPlane(up, SCENE.height_m, up)
-    return match_against_ground(frame, ground, (-8, 16), PENALTIES, correction, parameters)
+    return match_against_ground(
+        frame, frame.pair, ground, (-8, 16), PENALTIES, correction, parameters
+    )
 
 
 def frame_of(scene=SCENE, **fields):
