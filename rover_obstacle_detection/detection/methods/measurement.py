@@ -243,8 +243,6 @@ def match(
     reduction = frame.camera.width / coarse.camera.width
     search = residual_range(coarse.disparity, coarse.camera, reduction, plane, p.stereo)
     even = with_even_contrast(frame.pair, gradient, smoothed.noise_gradient, p.images)
-    if even is not frame.pair:
-        gradient = image_gradient(even[0], p.images)
     penalties = image_penalties(gradient.overall, smoothed.share, p.stereo)
     expected, disparity = match_against_ground(
         frame, even, ground, search, penalties, correction, p.stereo
