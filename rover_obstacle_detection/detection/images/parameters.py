@@ -24,17 +24,17 @@ class ImageParameters:
         Bands with a smaller share of the image are not measured. Derived: a hundred pixels of the
         full sample, whose median has an error of a tenth.
     shadow_brightness : float
-        What is darker than this, relative to the median of the image, may be shadow. Tuned on the
-        tuning scenes of all suites.
+        What is darker than this, relative to the median of the image, may be shadow. Chosen with
+        all suites and some real pairs in view.
     even_contrast_ratio : float
-        Contrast within this factor of that of the whole image is left as it is. Tuned on the
-        tuning scenes of all suites.
+        Contrast within this factor of that of the whole image is left as it is. Chosen with all
+        suites and some real pairs in view.
     min_texture_ratio : float
         Gradients must exceed those of the noise by this factor, or shadow holds nothing to raise.
-        Tuned on the tuning scenes of all suites and on ray-cast ground in black shadow.
+        Chosen with all suites and ray-cast ground in black shadow in view.
     max_shadow_gain : float
-        Most by which the contrast of shadows is raised for matching. Tuned on the tuning scenes of
-        all suites.
+        Most by which the contrast of shadows is raised for matching. Chosen with all suites in
+        view.
     unclipped_share : float
         Share of the image that raised shadows must not push beyond white. Derived: all but
         highlights.

@@ -32,7 +32,8 @@ class SupportParameters:
     min_dense_share : float
         Share of the visible pixels within the wide window that must be supported too. Measured on
         the tuning scenes of the suite ``hazards``: below it, up to a half of the supported
-        matches are wrong by more than a pixel; above 0.95, one in a hundred.
+        matches are wrong by more than a pixel; above 0.95, one in a hundred. Chosen with all
+        suites in view.
     agreeing_correlation : float
         Correlation from which texture counts as alike.
     min_repetition_px : float

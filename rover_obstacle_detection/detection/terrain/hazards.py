@@ -92,11 +92,11 @@ def dropping_ground(
         depth_m = hollow_depth(level_m, layer.seen, cell_m, p)
         found = depth_m > p.max_step_m + p.drop_noises * noise_m
         least_m = min(p.min_hollow_m, p.max_step_m / 2)
-        sure_m = np.maximum(p.max_step_m - p.free_noises * noise_m, least_m)
-        possible = depth_m > sure_m
-        sure = found & (noise_m < p.max_ground_noise_share * p.max_step_m)
-        if sure.any():
-            possible |= _below_rim_nearby(sure, level_m, depth_m, cell_m, p) > sure_m
+        most_m = np.maximum(p.max_step_m - p.free_noises * noise_m, least_m)
+        possible = depth_m > most_m
+        certain = found & (noise_m < p.max_ground_noise_share * p.max_step_m)
+        if certain.any():
+            possible |= _below_rim_nearby(certain, level_m, depth_m, cell_m, p) > most_m
         return Hazard(np.asarray(found), np.asarray(possible))
 
     return _on_pixels(terrain, dropped, p)

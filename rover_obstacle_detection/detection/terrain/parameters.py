@@ -127,10 +127,9 @@ class TerrainParameters:
         Matches are unreliable within this distance of the right image's left border.
     min_large_slope_share : float
         Share of the image from which a slope is large: it has no gaps, and continues into the left
-        border. Tuned on the tuning scenes.
+        border.
     max_slope_gap_px : int
-        Width of the gaps that are filled in large slopes. Tuned on the tuning scenes of all
-        suites.
+        Width of the gaps that are filled in large slopes. Chosen with all suites in view.
     vertical : VerticalParameters
     backdrop : BackdropParameters
     brims : BrimParameters
