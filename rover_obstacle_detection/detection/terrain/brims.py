@@ -135,8 +135,8 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     p = parameters.brims
     surface = Surface(stereo, parameters)
     below, above = surface.nearest()
-    drop_rows, columns = _jumps(surface, below, above, parameters)
-    drop_rows, columns = _wide_enough(drop_rows, columns, surface, below, p)
+    jumps = whole_brims(_jumps(surface, below, above, parameters), surface.height_m.shape, p)
+    drop_rows, columns = jumps.rows, jumps.columns
     # Of each run of rows found, the uppermost has its lower point on the brim.
     found = np.zeros((len(surface.height_m) + 1, surface.height_m.shape[1]), np.bool_)
     found[drop_rows + 1, columns] = True
@@ -251,10 +251,40 @@ class _Points:
         return np.asarray(self.descent_m / np.maximum(self.along_m, np.float32(1e-3)))
 
 
+class Jumps(NamedTuple):
+    """Gaps that sight lines jump over, each of shape (n,).
+
+    Parameters
+    ----------
+    rows, columns : ndarray of int
+        Between the point before the gap and the point behind it.
+    excess_m : ndarray of float32
+        How much farther than a step the ground falls.
+    noise_m : ndarray of float32
+        Standard deviation of that.
+    grazing : ndarray of float32
+        Downward slope of the ground before, relative to the sight line's.
+    along_m, columns_per_metre : ndarray of float32
+        Distance along the plane, and image scale, of the point before.
+    """
+
+    rows: Rows
+    columns: Rows
+    excess_m: Image
+    noise_m: Image
+    grazing: Image
+    along_m: Image
+    columns_per_metre: Image
+
+    def among(self, chosen: Mask) -> Jumps:
+        """Return some of the jumps."""
+        return Jumps(*(each[chosen] for each in self))
+
+
 def _jumps(
     surface: Surface, next_below: _Nearest, next_above: _Nearest, parameters: TerrainParameters
-) -> tuple[Rows, Rows]:
-    """Rows between two points of which the upper one is lower, and hidden in between; columns."""
+) -> Jumps:
+    """Find two points of which the upper one is lower, with hidden ground in between."""
     p = parameters.brims
     span = 2 * p.reach_px
     # NaN compares as false.
@@ -264,15 +294,26 @@ def _jumps(
     below, above = next_below.rows[rows + span, columns], next_above.rows[rows, columns]
     near, far = surface.points(below, columns), surface.points(above, columns)
     fallen_m = fall_m[rows, columns]
-    jumps = below - above <= span + p.max_unseen_px
-    jumps &= fallen_m > parameters.max_step_m + p.noises * np.hypot(near.noise_m, far.noise_m)
-    jumps &= fallen_m > p.min_hidden_share * near.sight * (far.along_m - near.along_m)
-    jumps &= near.sight > math.tan(math.radians(p.min_sight_deg))
+    excess_m = fallen_m - np.float32(parameters.max_step_m)
+    noise_m = np.hypot(near.noise_m, far.noise_m)
     rise = _rise_before(surface, near, below, columns, p.before_m)
+    grazing = -rise / np.maximum(near.sight, np.float32(1e-3))
+    found = below - above <= span + p.max_unseen_px
+    found &= excess_m > p.pixel_noises * noise_m
+    found &= fallen_m > p.min_hidden_share * near.sight * (far.along_m - near.along_m)
+    found &= near.sight > math.tan(math.radians(p.min_sight_deg))
     with np.errstate(invalid='ignore'):
-        jumps &= rise < math.tan(math.radians(p.max_rise_deg))
-        jumps &= -rise < p.max_grazing_share * near.sight
-    return rows[jumps] + p.reach_px, columns[jumps]
+        found &= rise < math.tan(math.radians(p.max_rise_deg))
+        found &= grazing < p.max_pixel_grazing_share
+    return Jumps(
+        rows + p.reach_px,
+        columns,
+        excess_m,
+        noise_m,
+        np.asarray(grazing, np.float32),
+        near.along_m,
+        near.columns_per_metre,
+    ).among(found)
 
 
 def _rise_before(
@@ -291,28 +332,42 @@ def _below_jump(drop_rows: Rows, parameters: BrimParameters, height: int) -> Row
     return np.asarray(np.minimum(drop_rows + parameters.reach_px, height - 1))
 
 
-def _wide_enough(
-    rows: Rows, columns: Rows, surface: Surface, next_below: _Nearest, parameters: BrimParameters
-) -> tuple[Rows, Rows]:
-    """Keep the brims that are at least as wide as a wheel, and wider far away."""
+def whole_brims(jumps: Jumps, shape: tuple[int, ...], parameters: BrimParameters) -> Jumps:
+    """Join the jumps to brims, and keep the brims that are deep, abrupt and wide enough.
+
+    Parameters
+    ----------
+    jumps : Jumps
+    shape : tuple of int
+        Height and width of the image.
+    parameters : BrimParameters
+
+    Notes
+    -----
+    A brim as a whole has less noise than each of its pixels. What makes ground before a crest look
+    level here and there, ripples and noise, averages out over it.
+    """
     p = parameters
-    if not rows.size:
-        return rows, columns
-    reach, width = 2, surface.height_m.shape[1]
-    found = np.zeros(surface.height_m.shape, np.uint8)
-    found[rows, columns] = 1
+    if not jumps.rows.size:
+        return jumps
+    reach, width = 2, shape[1]
+    found = np.zeros(shape, np.uint8)
+    found[jumps.rows, jumps.columns] = 1
     joined = cv2.dilate(found, np.ones((2 * reach + 1,) * 2, np.uint8))
     count, labels = cv2.connectedComponents(joined, connectivity=8)
-    brim = surface.points(next_below.rows[_below_jump(rows, p, len(found)), columns], columns)
-    part = np.asarray(labels)[rows, columns].astype(np.intp)
+    part = np.asarray(labels)[jumps.rows, jumps.columns].astype(np.intp)
     pixels = np.maximum(np.bincount(part, minlength=count), 1)
-    scale, along_m = (
-        np.bincount(part, weights=values, minlength=count) / pixels
-        for values in (brim.columns_per_metre, brim.along_m)
-    )
+
+    def mean(values: Image) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(part, weights=values, minlength=count) / pixels)
+
     left, right = np.full(count, width), np.zeros(count, np.intp)
-    np.minimum.at(left, part, np.maximum(columns - reach, 0))
-    np.maximum.at(right, part, np.minimum(columns + reach, width - 1))
-    width_m = (right - left + 1) / np.maximum(scale, 1e-6)
-    kept = (width_m >= np.maximum(p.min_width_m, p.min_width_share * along_m))[part]
-    return rows[kept], columns[kept]
+    np.minimum.at(left, part, np.maximum(jumps.columns - reach, 0))
+    np.maximum.at(right, part, np.minimum(jumps.columns + reach, width - 1))
+    columns = np.maximum(right - left + 1, 1)
+    samples = np.maximum(columns / p.shared_px, 1)
+    kept = mean(jumps.excess_m) > p.noises * mean(jumps.noise_m) / np.sqrt(samples)
+    kept &= mean(jumps.grazing) < p.max_grazing_share
+    width_m = columns / np.maximum(mean(jumps.columns_per_metre), 1e-6)
+    kept &= width_m >= np.maximum(p.min_width_m, p.min_width_share * mean(jumps.along_m))
+    return jumps.among(kept[part])

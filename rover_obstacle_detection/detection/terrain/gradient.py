@@ -9,7 +9,11 @@ import cv2
 import numpy as np
 
 from rover_obstacle_detection.detection.terrain.elevation_map import Grid
-from rover_obstacle_detection.detection.terrain.local_regression import LocalPlanes, local_planes
+from rover_obstacle_detection.detection.terrain.local_regression import (
+    LocalPlanes,
+    gaussian_sum,
+    local_planes,
+)
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.terrain import Layer
 
@@ -43,15 +47,17 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
 
     Notes
     -----
-    The rise of a plane fitted with Gaussian weights has the standard deviation
-    ``sigma / (2 s sqrt(n))`` for n pixels of noise sigma with spread s, where pixels in a window
-    share their noise. The narrowest scale at which the rise is known well enough counts, with a
-    smooth transition to the next. No scale is narrower than a cell.
+    Cells weigh by the inverse of their noise. By the inverse of its square, which would suit noise
+    alone, the face of a ledge, which has many pixels, would tilt the ground around it. With these
+    weights w, the rise has the standard deviation ``sqrt(n) / (2 s sum(w))`` for n cells with
+    spread s, where pixels in a window share their noise. The narrowest scale at which the rise is
+    known well enough counts, with a smooth transition to the next. No scale is narrower than a
+    cell.
     """
     first = math.tan(math.radians(parameters.narrowest_rise_noise_deg))
     tolerated = math.tan(math.radians(parameters.tolerated_rise_noise_deg))
     cell_m = layer.positions.cell_m
-    trust = layer.information * layer.is_bare
+    trust = np.sqrt(layer.information) * layer.is_bare
     scales = sorted({max(scale_m / cell_m, 1.0) for scale_m in parameters.scales_of_rise_m})
     narrow = _rise_at(layer.mean_m, trust, scales[0], cell_m, parameters)
     right, forward, noise, scale_m = narrow.right, narrow.forward, narrow.noise, narrow.scale_m
@@ -74,16 +80,18 @@ def _rise_at(
     mean_m: Grid, trust: Grid, sigma_cells: float, cell_m: float, parameters: TerrainParameters
 ) -> Rise:
     planes = local_planes(mean_m, trust, sigma_cells, parameters.rise_ridge, parameters)
+    cells = gaussian_sum((trust > 0).astype(np.float32), sigma_cells, parameters)
     return Rise(
         planes.rise_along_columns / np.float32(cell_m),
         planes.rise_along_rows / np.float32(cell_m),
-        _rise_noise(planes, cell_m, parameters.shared_pixels),
+        _rise_noise(planes, cells, cell_m, parameters.shared_pixels),
         np.full_like(mean_m, sigma_cells * cell_m),
     )
 
 
-def _rise_noise(planes: LocalPlanes, cell_m: float, shared_pixels: float) -> Grid:
-    known = 2 * np.float32(cell_m) * planes.spread * np.sqrt(planes.weight / shared_pixels)
+def _rise_noise(planes: LocalPlanes, cells: Grid, cell_m: float, shared_pixels: float) -> Grid:
+    known = 2 * np.float32(cell_m) * planes.spread * planes.weight
+    known /= np.sqrt(np.maximum(cells * np.float32(shared_pixels), np.float32(1e-6)))
     return np.asarray(1 / np.maximum(known, np.float32(1e-3)), np.float32)
 
 

@@ -66,16 +66,12 @@ def local_planes(
     visible ground. A wide Gaussian runs on a coarser grid.
     """
     reach = parameters.reach_sigmas
-    reduction = max(1, math.floor(sigma_cells / parameters.cells_per_sigma))
     moment = weight * height
-    if reduction == 1:
+    small = _coarser(height.shape, sigma_cells, parameters)
+    if small is None:
         return _planes(moment, weight, sigma_cells, ridge, reach)
     rows, columns = height.shape
-    small = max(1, columns // reduction), max(1, rows // reduction)
-    mass, moment = (
-        np.asarray(cv2.resize(grid, small, interpolation=cv2.INTER_AREA), np.float32)
-        for grid in (weight, moment)
-    )
+    mass, moment = (_averaged(grid, small) for grid in (weight, moment))
     coarse_columns, coarse_rows = columns / small[0], rows / small[1]
     planes = _planes(moment, mass, sigma_cells / coarse_columns, ridge, reach)
 
@@ -92,19 +88,48 @@ def local_planes(
     )
 
 
-def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float, reach: float) -> LocalPlanes:
-    radius = max(1, math.ceil(reach * sigma))
-    offsets = np.arange(-radius, radius + 1, dtype=np.float32)
-    bell = np.exp(-0.5 * (offsets / np.float32(sigma)) ** 2)
+def gaussian_sum(grid: Grid, sigma_cells: float, parameters: TerrainParameters) -> Grid:
+    """Sum the cells around each, with the Gaussian weights of `local_planes`.
 
+    Parameters
+    ----------
+    grid : ndarray of float32, shape (rows, columns)
+    sigma_cells : float
+        Standard deviation of the Gaussian, cells.
+    parameters : TerrainParameters
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns)
+    """
+    reach = parameters.reach_sigmas
+    small = _coarser(grid.shape, sigma_cells, parameters)
+    if small is None:
+        return _blurred(grid, sigma_cells, reach)
+    rows, columns = grid.shape
+    coarse_columns, coarse_rows = columns / small[0], rows / small[1]
+    total = _blurred(_averaged(grid, small), sigma_cells / coarse_columns, reach)
+    wide = cv2.resize(total, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(wide * np.float32(coarse_columns * coarse_rows), np.float32)
+
+
+def _coarser(
+    shape: tuple[int, ...], sigma_cells: float, parameters: TerrainParameters
+) -> tuple[int, int] | None:
+    """Columns and rows of the coarser grid for a wide Gaussian; None if it is not wide."""
+    reduction = max(1, math.floor(sigma_cells / parameters.cells_per_sigma))
+    if reduction == 1:
+        return None
+    return max(1, shape[1] // reduction), max(1, shape[0] // reduction)
+
+
+def _averaged(grid: Grid, size: tuple[int, int]) -> Grid:
+    return np.asarray(cv2.resize(grid, size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float, reach: float) -> LocalPlanes:
     def blurred(image: Grid, u_power: int, v_power: int) -> Grid:
-        return np.asarray(
-            cv2.sepFilter2D(
-                image, cv2.CV_32F, bell * offsets**u_power, bell * offsets**v_power,
-                borderType=cv2.BORDER_CONSTANT,
-            ),
-            np.float32,
-        )  # fmt: skip
+        return _blurred(image, sigma, reach, u_power, v_power)
 
     moments = Moments(
         n=blurred(mass, 0, 0),
@@ -130,3 +155,16 @@ def _planes(moment: Grid, mass: Grid, sigma: float, ridge: float, reach: float) 
         np.maximum(moments.n, MIN_WEIGHT),
         np.asarray(np.sqrt(least), np.float32),
     )
+
+
+def _blurred(image: Grid, sigma: float, reach: float, u_power: int = 0, v_power: int = 0) -> Grid:
+    radius = max(1, math.ceil(reach * sigma))
+    offsets = np.arange(-radius, radius + 1, dtype=np.float32)
+    bell = np.exp(-0.5 * (offsets / np.float32(sigma)) ** 2)
+    return np.asarray(
+        cv2.sepFilter2D(
+            image, cv2.CV_32F, bell * offsets**u_power, bell * offsets**v_power,
+            borderType=cv2.BORDER_CONSTANT,
+        ),
+        np.float32,
+    )  # fmt: skip

@@ -11,9 +11,14 @@ from relief import PARAMETERS, PosedCamera, bank, block, flat
 from synthetic import pinhole
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.terrain import brims as module
 from rover_obstacle_detection.detection.terrain.brim_parameters import BrimParameters
-from rover_obstacle_detection.detection.terrain.brims import Brims, Surface, find_brims
+from rover_obstacle_detection.detection.terrain.brims import (
+    Brims,
+    Jumps,
+    Surface,
+    find_brims,
+    whole_brims,
+)
 
 # As many rows as in real images: a few of them are little ground.
 CAMERA = pinhole(44, 320, 60.0, 0.15)
@@ -384,18 +389,52 @@ def test_rows_to_a_metre_follow_the_distance_along_the_ground():
     np.testing.assert_allclose(points.sight, POSED.height_m / along_m[1:-1], rtol=0.01)
 
 
+def jumps_at(columns, excess_m=1.0, noise_m=0.0, grazing=0.0):
+    """Jumps in one row, 2 m ahead, where a metre has 200 columns."""
+
+    def each(value):
+        return np.broadcast_to(np.float32(value), columns.shape)
+
+    rows = np.full(columns.size, 15)
+    return Jumps(rows, columns, each(excess_m), each(noise_m), each(grazing), each(2), each(200))
+
+
+def kept_of(jumps, **changes):
+    p = replace(PARAMETERS.brims, min_width_share=0.0, **changes)
+    return whole_brims(jumps, (30, 200), p).columns.tolist()
+
+
 @pytest.mark.parametrize(
-    ('columns', 'wide_columns'), [((0, 3), 6), ((1, 3), 6), ((10, 13), 8), ((38, 39), 4)]
+    ('columns', 'wide_columns'), [((0, 3), 6), ((1, 3), 6), ((10, 13), 8), ((198, 199), 4)]
 )
 def test_a_brim_is_as_wide_as_its_columns_and_two_more_on_either_side(columns, wide_columns):
-    surface = surface_of(np.zeros((30, 40)))
     first, last = columns
     across = np.arange(first, last + 1)
-    rows = np.full(across.size, 15)
-    # 30 px of disparity are 200 columns to a metre.
-    below, _ = surface.nearest()
-    for share, count in ((0.99, across.size), (1.01, 0)):
-        p = replace(PARAMETERS.brims, min_width_m=share * wide_columns / 200, min_width_share=0.0)
-        kept_rows, kept_columns = module._wide_enough(rows, across, surface, below, p)
-        assert kept_columns.tolist() == across[:count].tolist()
-        assert kept_rows.tolist() == rows[:count].tolist()
+    for share, kept in ((0.99, across.tolist()), (1.01, [])):
+        assert kept_of(jumps_at(across), min_width_m=share * wide_columns / 200) == kept
+
+
+@pytest.mark.parametrize(
+    ('columns', 'excess_noises', 'is_found'),
+    [(30, 2.9, False), (30, 3.1, True), (128, 1.4, False), (128, 1.6, True)],
+)
+def test_a_wide_brim_has_less_noise_than_its_pixels(columns, excess_noises, is_found):
+    # With two more on either side, 132 columns are four times those that share their noise.
+    across = np.arange(20, 20 + columns)
+    noise_m = np.where(across % 2, 0.02, 0.04)
+    found = kept_of(jumps_at(across, excess_noises * noise_m, noise_m), min_width_m=0.0)
+    assert found == (across.tolist() if is_found else [])
+
+
+@pytest.mark.parametrize(('mean', 'is_found'), [(0.25, True), (0.35, False)])
+def test_before_a_brim_the_ground_is_level_on_the_whole(mean, is_found):
+    across = np.arange(20, 80)
+    grazing = mean + np.where(across % 2, 0.4, -0.4)
+    found = kept_of(jumps_at(across, grazing=grazing), min_width_m=0.0)
+    assert found == (across.tolist() if is_found else [])
+
+
+def test_brims_apart_are_judged_apart():
+    deep, shallow = np.arange(20, 60), np.arange(80, 120)
+    jumps = jumps_at(np.concatenate((deep, shallow)), np.repeat([0.1, 0.01], 40), 0.02)
+    assert kept_of(jumps, min_width_m=0.0) == deep.tolist()

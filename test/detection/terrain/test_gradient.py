@@ -66,6 +66,49 @@ def test_wider_scales_add_no_noise_in_a_narrow_strip(width, noise_m):
     assert noise[inside].max() < math.tan(math.radians(20))
 
 
+def test_the_many_pixels_of_a_face_do_not_tilt_the_ground_around_it():
+    layer = nearest_layer(flat)
+    rows, _ = np.indices(layer.mean_m.shape)
+    face, cell_m = 30, layer.positions.cell_m
+    distance_m = np.abs(rows - face) * cell_m
+    seen = np.ones_like(layer.seen)
+
+    def angle_deg(pixels_of_face):
+        pixels = np.where(rows == face, pixels_of_face, 10)
+        ledge = replace(
+            layer,
+            mean_m=(0.15 * np.clip(rows - face + 0.5, 0, 1)).astype(np.float32),
+            information=(pixels / 0.01**2).astype(np.float32),
+            is_bare=seen,
+            seen=seen,
+        )
+        return angles_deg(ledge)[0]
+
+    even, seen_from_below = angle_deg(10), angle_deg(200)
+    # A Gaussian of 0.10 m makes the ledge steep up to 0.10 m beside it.
+    for angle in (even, seen_from_below):
+        assert angle[distance_m < 0.08].min() > 20
+        assert angle[(distance_m > 0.17) & (distance_m < 0.5)].max() < 20
+
+
+def test_noise_of_the_rise_is_that_of_simulated_maps():
+    layer = strip_of(40, 0, 0.02)
+    random = np.random.default_rng(5)
+    pixels = np.exp(random.normal(4.5, 1.0, layer.seen.shape))
+    noise_m = 0.02 * np.sqrt(PARAMETERS.shared_pixels / pixels)
+    layer = replace(layer, information=np.where(layer.seen, pixels / 0.02**2, 0).astype('f4'))
+    rises, noise = [], None
+    for _ in range(60):
+        mean_m = random.normal(0, noise_m).astype(np.float32)
+        rise = ground_rise(replace(layer, mean_m=mean_m), PARAMETERS)
+        rises.append((rise.right, rise.forward))
+        noise = rise.noise
+    inside = layer.seen.copy()
+    inside[:15] = inside[-15:] = False
+    measured = np.std(rises, axis=0).max(axis=0)[inside]
+    assert np.median(measured / noise[inside]) == pytest.approx(1, abs=0.15)
+
+
 @pytest.mark.parametrize('shape', [(1, 1), (1, 40), (40, 1), (3, 3)])
 @pytest.mark.parametrize('seen', [False, True])
 def test_tiny_and_empty_maps_are_flat(shape, seen):

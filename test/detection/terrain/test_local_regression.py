@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.terrain.local_regression import local_planes
+from rover_obstacle_detection.detection.terrain.local_regression import gaussian_sum, local_planes
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 SHAPE = (60, 80)
@@ -40,6 +40,13 @@ def test_weight_and_spread_follow_the_gaussian(sigma):
     # At the edge, half the Gaussian lies outside the map.
     assert planes.weight[30, 0] < 0.75 * planes.weight[30, 40]
     assert planes.spread[30, 0] < 0.85 * planes.spread[30, 40]
+
+
+@pytest.mark.parametrize('sigma', SIGMAS)
+def test_a_gaussian_sum_has_the_weights_of_the_planes(sigma):
+    weight = np.random.default_rng(1).uniform(0.1, 3, SHAPE).astype(np.float32)
+    total = gaussian_sum(weight, sigma, TerrainParameters())
+    np.testing.assert_allclose(total, planes_of(weight, weight, sigma).weight, rtol=1e-4)
 
 
 def test_cells_on_a_line_have_no_rise_across_it():
