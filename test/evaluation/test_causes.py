@@ -52,6 +52,7 @@ class View:
         self.known = np.ones(SHAPE, bool)
         self.mask = np.zeros(SHAPE, np.uint8)
         self.cues = np.zeros(SHAPE, np.uint8)
+        self.noise_m = np.full(SHAPE, 0.06, np.float32)
         rng = np.random.default_rng(0)
         self.grey = rng.integers(90, 110, SHAPE).astype(np.uint8)
         self.gravity = Gravity.from_angles(PITCH_DEG)
@@ -74,7 +75,7 @@ class View:
             grey=self.grey,
             disparity=disparity.astype(np.float32),
             height=height_m.astype(np.float32),
-            height_noise=np.full(SHAPE, 0.06, np.float32),
+            height_noise=self.noise_m,
             known=self.known & self.matched,
             cues=self.cues,
             mask=self.mask,
@@ -122,6 +123,13 @@ def test_rock_beyond_the_detection_range(far: bool, detail: str) -> None:
     if far:
         view.depth_m[ROCK] = 45.0
     assert view.fault() == f'beyond the detection range ({detail})'
+
+
+def test_rock_in_doubt() -> None:
+    view = View()
+    view.known[ROCK] = False
+    view.noise_m[...] = 0.04
+    assert view.fault() == 'in doubt (height noise 4 cm)'
 
 
 def test_ground_estimated_too_high_under_a_rock() -> None:
