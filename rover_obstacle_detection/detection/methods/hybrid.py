@@ -21,10 +21,10 @@ from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border, walls_in_border
 from rover_obstacle_detection.detection.terrain.hazards import (
+    large_slopes,
     level_heights_known,
     rough_ground,
     tall,
-    without_gaps,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -68,8 +68,8 @@ def detect_hybrid(
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
     finished('roughness')
     border = (terrain, stereo.disparity, frame.camera, p.terrain)
-    steep = without_gaps(steep, p.terrain)
-    steep |= slope_in_border(steep, *border)
+    large = large_slopes(steep, p.terrain)
+    steep = steep | large | slope_in_border(large, *border)
     high = rocks.high | tall(terrain, p.terrain)
     high |= walls_in_border(high | steep, *border)
     finished('border')

@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
-from rover_obstacle_detection.detection.images.components import small_parts
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
 
 def slope_in_border(
-    steep: NDArray[np.bool_],
+    large: NDArray[np.bool_],
     terrain: Terrain,
     disparity: NDArray[np.float32],
     camera: StereoCamera,
@@ -20,12 +19,11 @@ def slope_in_border(
 ) -> NDArray[np.bool_]:
     """Continue slopes into the left border.
 
-    Specks are not continued: slopes are noisy at the edge of the shared view.
-
     Parameters
     ----------
-    steep : ndarray of bool, shape (height, width)
-        Pixels of slopes, where they are measured.
+    large : ndarray of bool, shape (height, width)
+        Pixels of large slopes, where they are measured: at the edge of the shared view, noise
+        makes specks.
     terrain : Terrain
     disparity : ndarray of float32, shape (height, width)
         Pixels, without the camera's offset.
@@ -38,7 +36,6 @@ def slope_in_border(
         Pixels without 3D whose nearest measured pixel is on a slope, within reach, and hardly
         inside the right image.
     """
-    large = steep & ~small_parts(steep, round(parameters.min_large_slope_share * steep.size))
     reach_px = parameters.border_reach_m * terrain.pixels_per_metre
     return _continued(large, reach_px, terrain, disparity, camera, parameters)
 

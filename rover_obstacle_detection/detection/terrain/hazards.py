@@ -53,8 +53,10 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
     return _on_pixels(terrain, steep, p)
 
 
-def without_gaps(steep: Mask, parameters: TerrainParameters) -> Mask:
-    """Fill narrow gaps in large slopes: where nothing is matched, and too little to stand on.
+def large_slopes(steep: Mask, parameters: TerrainParameters) -> Mask:
+    """Select the slopes that are no specks, and fill the narrow gaps in them.
+
+    In the gaps nothing is matched, and they are too narrow to stand on.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ def without_gaps(steep: Mask, parameters: TerrainParameters) -> Mask:
     large = steep & ~small_parts(steep, round(p.min_large_slope_share * steep.size))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (p.max_slope_gap_px | 1,) * 2)
     closed = cv2.morphologyEx(large.view(np.uint8), cv2.MORPH_CLOSE, kernel)
-    return np.asarray(steep | (closed > 0))
+    return np.asarray(large | (closed > 0))
 
 
 def dropping_ground(

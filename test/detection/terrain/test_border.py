@@ -57,15 +57,6 @@ def test_a_slope_that_ends_before_the_border_does_not_continue():
     assert continued_columns(slice(30, 60)) == []
 
 
-def test_specks_of_a_slope_do_not_continue():
-    steep, measured = np.zeros((2, *CAMERA.shape), bool)
-    measured[:, 20:] = True
-    steep[10:13, 20:23] = True
-    assert not continued(steep, measured, 20).any()
-    fine = replace(PARAMETERS, min_large_slope_share=0.001)
-    assert continued(steep, measured, 20, fine).any()
-
-
 def walls(height_m, high=np.s_[:, 20:60], disparity=40.0, pixels_per_metre=20.0):
     """Continue a wall that is measured from column 30 on."""
     measured, marked = np.zeros((2, *CAMERA.shape), bool)

@@ -14,11 +14,11 @@ from rover_obstacle_detection.detection.terrain.elevation_map import map_positio
 from rover_obstacle_detection.detection.terrain.hazards import (
     dropping_ground,
     known_heights,
+    large_slopes,
     level_heights_known,
     rough_ground,
     steep_ground,
     tall,
-    without_gaps,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 
@@ -223,7 +223,7 @@ def slope_with(*gaps):
 def test_large_slopes_have_no_gaps():
     narrow, wide = np.s_[30:50, 40:48], np.s_[30:50, 55:70]
     steep = slope_with(narrow, wide)
-    found = without_gaps(steep, PARAMETERS)
+    found = large_slopes(steep, PARAMETERS)
     assert found[narrow].all()
     assert not found[32:48, 57:68].any()
     assert found[steep].all()
@@ -231,12 +231,13 @@ def test_large_slopes_have_no_gaps():
     assert not found[~slope_with()].any()
 
 
-def test_specks_are_not_joined():
+def test_specks_are_no_large_slopes_and_not_joined():
     specks = np.zeros((80, 100), bool)
     specks[20:24, 20:24] = specks[20:24, 28:32] = True
-    np.testing.assert_array_equal(without_gaps(specks, PARAMETERS), specks)
-    nothing = np.zeros_like(specks)
-    assert without_gaps(nothing, PARAMETERS) is nothing
+    assert not large_slopes(specks, PARAMETERS).any()
+    fine = replace(PARAMETERS, min_large_slope_share=0.001)
+    assert large_slopes(specks, fine)[21:23, 20:32].all()
+    assert not large_slopes(np.zeros_like(specks), PARAMETERS).any()
 
 
 def terrain_of(height_m, noise_m, layers=()):
