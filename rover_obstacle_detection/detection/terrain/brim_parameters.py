@@ -103,15 +103,16 @@ class BrimParameters:
     min_sure_sight_deg : float
         Sight line from which a brim is an obstacle. Behind a flatter one, lower ground is unknown.
         Set on ray-cast edges and on one reporting scene with dunes.
-    before_m : float
-        Length of the ground before a brim whose slope is measured. Derived: a wheel.
+    before_m, just_before_m : float
+        Lengths of the ground before a brim whose slope is measured. Derived: a wheel; what is seen
+        of a stair's tread.
     max_rise_deg : float
         What rises more just before it ends is an object, not the ground. Derived: half a step of
         0.10 m over that length.
     max_grazing_share, max_pixel_grazing_share : float
         Downward slope before a whole brim, and before each of its pixels, relative to the sight
         line's, from which it is a crest: ground that bends down gradually. Chosen with all suites
-        in view; between 0.1 and 0.4, the first makes no difference there.
+        in view; from 0.1 to 0.4, the first makes no difference there.
     min_tilt_deg : float
         Angle between the ground plane's normal and the vertical from which brims are looked for
         over a level plane as well. Derived: less lowers a step by a few centimetres at most.
@@ -134,6 +135,7 @@ class BrimParameters:
     min_sight_deg: float = 8.0
     min_sure_sight_deg: float = 10.0
     before_m: float = 0.3
+    just_before_m: float = 0.1
     max_rise_deg: float = 10.0
     max_grazing_share: float = 0.3
     max_pixel_grazing_share: float = 0.8

@@ -136,13 +136,8 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     surface = Surface(stereo, parameters)
     below, above = surface.nearest()
     jumps = whole_brims(_jumps(surface, below, above, parameters), surface.height_m.shape, p)
-    drop_rows, columns = jumps.rows, jumps.columns
-    # Of each run of rows found, the uppermost has its lower point on the brim.
-    found = np.zeros((len(surface.height_m) + 1, surface.height_m.shape[1]), np.bool_)
-    found[drop_rows + 1, columns] = True
-    first = ~found[drop_rows, columns]
-    drop_rows, columns = drop_rows[first], columns[first]
-    rows = below.rows[_below_jump(drop_rows, p, len(found) - 1), columns]
+    drop_rows, columns = one_in_each_fall(jumps.rows, jumps.columns, 2 * p.reach_px)
+    rows = below.rows[_below_jump(drop_rows, p, len(surface.height_m)), columns]
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
     # Where matching blurs the ground just before it, a brim looks like a crest.
@@ -297,7 +292,9 @@ def _jumps(
     excess_m = fallen_m - np.float32(parameters.max_step_m)
     noise_m = np.hypot(near.noise_m, far.noise_m)
     rise = _rise_before(surface, near, below, columns, p.before_m)
-    grazing = -rise / np.maximum(near.sight, np.float32(1e-3))
+    # On stairs, another step may be as near as that.
+    just_before = np.fmin(_rise_before(surface, near, below, columns, p.just_before_m), 0)
+    grazing = -np.fmax(rise, just_before) / np.maximum(near.sight, np.float32(1e-3))
     found = below - above <= span + p.max_unseen_px
     found &= excess_m > p.pixel_noises * noise_m
     found &= fallen_m > p.min_hidden_share * near.sight * (far.along_m - near.along_m)
@@ -314,6 +311,33 @@ def _jumps(
         near.along_m,
         near.columns_per_metre,
     ).among(found)
+
+
+def one_in_each_fall(rows: Rows, columns: Rows, length: int) -> tuple[Rows, Rows]:
+    """Keep one of the jumps in each column that show the same fall.
+
+    Parameters
+    ----------
+    rows, columns : ndarray of int, shape (n,)
+    length : int
+        Rows in which a fall is seen.
+
+    Returns
+    -------
+    rows, columns : ndarray of int, shape (m,)
+        The uppermost, whose lower point is on the brim. Where falls follow one another, as on
+        stairs far away, one for each length.
+    """
+    order = np.lexsort((rows, columns))
+    rows, columns = rows[order], columns[order]
+    starts = np.ones(rows.size, np.bool_)
+    starts[1:] = (np.diff(columns) != 0) | (np.diff(rows) != 1)
+    run = np.cumsum(starts) - 1
+    first = rows[starts][run]
+    last_start = first + np.maximum(np.bincount(run)[run] - length, 0)
+    kept = ((rows - first) % length == 0) & (rows < last_start)
+    kept |= rows == last_start
+    return rows[kept], columns[kept]
 
 
 def _rise_before(
@@ -367,7 +391,18 @@ def whole_brims(jumps: Jumps, shape: tuple[int, ...], parameters: BrimParameters
     columns = np.maximum(right - left + 1, 1)
     samples = np.maximum(columns / p.shared_px, 1)
     kept = mean(jumps.excess_m) > p.noises * mean(jumps.noise_m) / np.sqrt(samples)
-    kept &= mean(jumps.grazing) < p.max_grazing_share
+    kept &= _medians(jumps.grazing, part, count) < p.max_grazing_share
     width_m = columns / np.maximum(mean(jumps.columns_per_metre), 1e-6)
     kept &= width_m >= np.maximum(p.min_width_m, p.min_width_share * mean(jumps.along_m))
     return jumps.among(kept[part])
+
+
+def _medians(values: Image, part: Rows, count: int) -> Image:
+    """Median of the values of each of the parts; 0 of those without any."""
+    medians = np.zeros(count, np.float32)
+    order = np.lexsort((values, part))
+    pixels = np.bincount(part, minlength=count)
+    filled = pixels > 0
+    middle = np.cumsum(pixels) - pixels + pixels // 2
+    medians[filled] = values[order][middle[filled]]
+    return medians
