@@ -134,6 +134,24 @@ def small_parts(mask: NDArray[np.bool_], min_pixels: int) -> NDArray[np.bool_]:
     return marked(mask.shape, pixels[(np.bincount(owner) < min_pixels)[owner]])
 
 
+def parts_with(seeds: NDArray[np.bool_], mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Keep the 8-connected components that have a seed.
+
+    Parameters
+    ----------
+    seeds, mask : ndarray of bool, shape (height, width)
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+    """
+    if not mask.any():
+        return mask
+    pixels, owner, count = components(mask)
+    kept = np.bincount(owner[seeds.ravel()[pixels]], minlength=count) > 0
+    return marked(mask.shape, pixels[kept[owner]])
+
+
 def high_holes(
     mask: NDArray[np.bool_], height_m: NDArray[np.float32], min_height_m: float
 ) -> NDArray[np.bool_]:

@@ -29,12 +29,15 @@ class Rise:
         Standard deviation in the direction in which the rise is known least.
     scale_m : ndarray of float32, shape of the map
         Standard deviation of the Gaussian over which the rise is measured, metres.
+    cell_m : float
+        Side of a cell, metres.
     """
 
     right: Grid
     forward: Grid
     noise: Grid
     scale_m: Grid
+    cell_m: float
 
 
 def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
@@ -73,7 +76,7 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
         noise = noise + share * (wide.noise - noise)
         scale_m = scale_m + share * (wide.scale_m - scale_m)
         share = share * np.clip(wide.noise / tolerated - 1, 0, 1)
-    return Rise(right, forward, noise, scale_m)
+    return Rise(right, forward, noise, scale_m, cell_m)
 
 
 def _rise_at(
@@ -86,6 +89,7 @@ def _rise_at(
         planes.rise_along_rows / np.float32(cell_m),
         _rise_noise(planes, cells, cell_m, parameters.shared_pixels),
         np.full_like(mean_m, sigma_cells * cell_m),
+        cell_m,
     )
 
 

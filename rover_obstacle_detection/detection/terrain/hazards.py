@@ -12,6 +12,7 @@ from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.images.components import (
     components,
     marked,
+    parts_with,
     rows_of_components,
     small_parts,
 )
@@ -43,14 +44,16 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
     p = parameters
 
     def steep(layer: Layer) -> Hazard:
-        found, possible = steep_cells(ground_rise(layer, p), ground, p)
-        if not found.any():
-            return Hazard(found, possible)
+        cells = steep_cells(ground_rise(layer, p), ground, p)
+        if not cells.found.any():
+            return cells
         # Smoothing takes the edges of a slope.
         margin_m = p.slope_margin_m + p.scales_of_rise_m[0]
-        return Hazard(found, possible | _dilated(found, margin_m / layer.positions.cell_m))
+        beside = _dilated(cells.found, margin_m / layer.positions.cell_m)
+        return cells._replace(possible=cells.possible | beside)
 
-    return _on_pixels(terrain, steep, p)
+    slopes = _on_pixels(terrain, steep, p)
+    return slopes._replace(found=parts_with(slopes.certain, slopes.found))
 
 
 def large_slopes(steep: Mask, parameters: TerrainParameters) -> Mask:
@@ -99,7 +102,7 @@ def dropping_ground(
         certain = found & (noise_m < p.max_ground_noise_share * p.max_step_m)
         if certain.any():
             possible |= _below_rim_nearby(certain, level_m, depth_m, cell_m, p) > most_m
-        return Hazard(np.asarray(found), np.asarray(possible))
+        return Hazard(np.asarray(found), np.asarray(possible), np.asarray(found))
 
     return _on_pixels(terrain, dropped, p)
 
@@ -212,11 +215,11 @@ def _on_pixels(
     terrain: Terrain, judge: Callable[[Layer], Hazard], parameters: TerrainParameters
 ) -> Hazard:
     """Pixels of the cells of a hazard. Only where noise is low is it found."""
-    found, possible = (np.zeros(terrain.height_m.shape, np.bool_) for _ in range(2))
+    pixels = Hazard(*(np.zeros(terrain.height_m.shape, np.bool_) for _ in Hazard._fields))
     for layer in terrain.layers:
-        for pixels, cells in zip((found, possible), judge(layer), strict=True):
-            _fill(pixels, layer, cells)
-    return Hazard(found & _quiet(terrain, parameters), possible)
+        for image, cells in zip(pixels, judge(layer), strict=True):
+            _fill(image, layer, cells)
+    return pixels._replace(found=pixels.found & _quiet(terrain, parameters))
 
 
 def _fill(pixels: Mask, layer: Layer, cells: Mask) -> None:

@@ -85,6 +85,9 @@ class TerrainParameters:
     free_noises : float
         Standard deviations, of the rise or of the height, by which a slope or a hollow must stay
         within the limit to be free. Derived: the usual two.
+    certain_slope_noises : float
+        Standard deviations by which a slope as a whole must exceed the limit, or else is only
+        possible. Derived: the usual two.
     steep_share : float
         Least share of a slope's cells that are too steep.
     slope_margin_m : float
@@ -170,6 +173,7 @@ class TerrainParameters:
     lost_slope_deg: float = 2.5
     max_lost_share: float = 0.125
     free_noises: float = 2.0
+    certain_slope_noises: float = 2.0
     steep_share: float = 0.4
     slope_margin_m: float = 0.06
     min_scale_cells: float = 0.6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -26,10 +26,13 @@ class Hazard(NamedTuple):
         Cells or pixels of the hazard.
     possible : ndarray of bool, same shape
         Those where it cannot be ruled out.
+    certain : ndarray of bool, same shape
+        Those of the hazard where it is not noise.
     """
 
     found: Mask
     possible: Mask
+    certain: Mask
 
 
 def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
@@ -68,14 +71,48 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     possible = ~((upward >= np.cos(sure)) & (sure > 0))
     steep = (upward < math.cos(limit)) & known
     if not steep.any():
-        return Hazard(np.asarray(steep), np.asarray(possible))
+        return Hazard(np.asarray(steep), np.asarray(possible), np.asarray(steep))
     almost = (upward < math.cos(nearly)) & known
     count, labels = cv2.connectedComponents(almost.astype(np.uint8), connectivity=8)
     whole = np.bincount(labels.ravel(), minlength=count)
     part = np.bincount(labels[steep], minlength=count)
     kept = part >= parameters.steep_share * whole
     kept[0] = False
-    return Hazard(np.asarray(steep | kept[labels]), np.asarray(possible))
+    excess = np.asarray(np.arccos(upward[steep]) - limit, np.float32)
+    certain = _is_no_noise(excess, steep, labels, rise, parameters)
+    certain[0] = False
+    found = np.asarray(steep | kept[labels])
+    return Hazard(found, np.asarray(possible), found & certain[labels])
+
+
+def _is_no_noise(
+    excess: Grid, steep: Mask, labels: NDArray[Any], rise: Rise, parameters: TerrainParameters
+) -> Mask:
+    """Tell for each part whether noise cannot make one of its cells, or their mean, so steep.
+
+    Parameters
+    ----------
+    excess : ndarray of float32, shape (n,)
+        Angle over the limit of each steep cell, radians.
+    steep : ndarray of bool, shape of the map
+    labels : ndarray of int, shape of the map
+    rise : Rise
+    parameters : TerrainParameters
+    """
+    noises, part = parameters.certain_slope_noises, labels[steep]
+    count = int(labels.max()) + 1
+    cells = np.maximum(np.bincount(part, minlength=count), 1)
+
+    def mean(values: Grid) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(part, weights=values, minlength=count) / cells)
+
+    noise = np.arctan(rise.noise[steep])
+    # The mean over a Gaussian window takes as much ground as this many squares of its scale.
+    window_m2 = 4 * math.pi * np.square(mean(rise.scale_m[steep]))
+    samples = np.maximum(cells * rise.cell_m**2 / np.maximum(window_m2, 1e-9), 1)
+    certain = mean(excess) > noises * mean(noise) / np.sqrt(samples)
+    certain[part[excess > noises * noise]] = True
+    return np.asarray(certain)
 
 
 def _slope_of_a_ledge(scale_m: Grid, max_step_m: float) -> Grid:

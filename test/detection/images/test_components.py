@@ -9,6 +9,7 @@ from rover_obstacle_detection.detection.images.components import (
     components,
     high_holes,
     marked,
+    parts_with,
     rows_of_components,
     runs,
     small_parts,
@@ -42,6 +43,17 @@ def test_a_mask_without_pixels_has_no_components():
 def test_runs_end_with_their_row():
     first, last = runs(three_parts())
     assert list(zip(first, last, strict=True)) == [(4, 4), (6, 6), (13, 13), (16, 17), (18, 20)]
+
+
+def test_parts_with_a_seed_are_kept_whole():
+    mask, seeds = np.zeros((2, 8, 10), bool)
+    mask[1:3, 1:4] = mask[3, 4] = mask[5:7, 6:9] = True
+    # One on the first part, and one beside both.
+    seeds[3, 4] = seeds[0, 9] = True
+    expected = mask.copy()
+    expected[5:7] = False
+    np.testing.assert_array_equal(parts_with(seeds, mask), expected)
+    assert not parts_with(seeds, np.zeros_like(mask)).any()
 
 
 def test_small_parts_have_fewer_pixels_than_the_limit():

@@ -61,6 +61,16 @@ def test_slope_ahead_is_steep_beyond_the_limit(angle, flagged, sign):
     assert not steep[(y > 0.2) & (y < 1.6)].any()
 
 
+@pytest.mark.parametrize(
+    ('angle', 'noise_px', 'share'), [(21, 0.02, 1), (21, 0.3, 0), (26, 0.3, 1)]
+)
+def test_a_slope_that_noise_could_make_is_only_possible(angle, noise_px, share):
+    slopes, _, _, y = judged(bank(angle, 1.5), noise_px=noise_px)
+    on_slope = (y > 2.0) & (y < 2.6)
+    assert slopes.found[on_slope].mean() == pytest.approx(share, abs=0.1)
+    assert slopes.possible[on_slope].mean() > 0.9
+
+
 @pytest.mark.parametrize(('angle', 'flagged'), [(26, 1), (-26, 1), (12, 0), (-12, 0)])
 def test_slope_to_the_side_is_steep_beyond_the_limit(angle, flagged):
     steep, _, _, y = surveyed(tilted(rise_x=math.tan(math.radians(angle))))

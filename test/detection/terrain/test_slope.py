@@ -41,7 +41,7 @@ def ramp(angle_deg, towards_deg=0.0):
 def rise_of(relief, noise=0.0, scale_m=0.1):
     forward, right = np.gradient(np.asarray(relief, np.float32), CELL_M)
     noise, scale_m = (np.full(relief.shape, each, np.float32) for each in (noise, scale_m))
-    return Rise(right, forward, noise, scale_m)
+    return Rise(right, forward, noise, scale_m, CELL_M)
 
 
 def steep(relief, plane, limit=20.0, noise=0.0):
@@ -154,6 +154,31 @@ def test_slope_is_possible_wherever_the_rise_is_not_known():
     assert steep_cells(rise_of(ramp(0), noise=0.5), ground(), PARAMETERS).possible.all()
 
 
+@pytest.mark.parametrize(
+    ('angle', 'cells', 'is_certain'),
+    [
+        # A single sample of a rise that is known to 2 degrees.
+        (23.8, 3, False),
+        (24.2, 3, True),
+        # Some thirty samples.
+        (20.5, 60, False),
+        (21.0, 60, True),
+    ],
+)
+def test_a_slope_is_certain_if_noise_makes_no_cell_and_not_the_whole_so_steep(
+    angle, cells, is_certain
+):
+    angles_deg = np.zeros((60, 80), np.float32)
+    angles_deg[:cells, :cells] = angle
+    forward = np.tan(np.radians(angles_deg))
+    noise = np.full_like(forward, math.tan(math.radians(2)))
+    rise = Rise(0 * forward, forward, noise, np.full_like(forward, 0.14), CELL_M)
+    hazard = steep_cells(rise, ground(), PARAMETERS)
+    np.testing.assert_array_equal(hazard.found, angles_deg > 0)
+    np.testing.assert_array_equal(hazard.certain, hazard.found & is_certain)
+    assert hazard.possible[hazard.found].all()
+
+
 def steep_rows(*angles_deg, rows_each=20):
     """Which rows are steep on ground whose slope changes every 20 rows."""
     rise = np.repeat(np.tan(np.radians(angles_deg)), rows_each) * CELL_M
@@ -180,7 +205,7 @@ def test_nearly_steep_ground_counts_from_a_share_of_steep_cells_on(missing):
     angles_deg[2:7], angles_deg[5:7] = 19, 25
     angles_deg[6, 20 : 20 + missing] = 19
     forward = np.tan(np.radians(angles_deg)).astype(np.float32)
-    rise = Rise(0 * forward, forward, 0 * forward, np.full_like(forward, 0.1))
+    rise = Rise(0 * forward, forward, 0 * forward, np.full_like(forward, 0.1), CELL_M)
     found = steep_cells(rise, ground(), PARAMETERS).found
     np.testing.assert_array_equal(found, angles_deg > (24 if missing else 18))
 
