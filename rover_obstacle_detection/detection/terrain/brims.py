@@ -53,9 +53,11 @@ class Brims:
     def not_on(self, obstacles: Mask, parameters: BrimParameters) -> Brims:
         """Return the brims that are no rims of the given obstacles, shape (height, width).
 
-        Matching blurs the rims, so that a brim may lie a few pixels beside its obstacle.
+        Matching blurs the rims, so that a brim may lie a few pixels above or beside its obstacle.
+        What lies above the brim stands behind it.
         """
         reach = np.ones((2 * parameters.reach_px + 1,) * 2, np.uint8)
+        reach[: parameters.reach_px] = 0
         around = cv2.dilate(obstacles.astype(np.uint8), reach) > 0
         kept = ~around[self.rows, self.columns]
         return replace(

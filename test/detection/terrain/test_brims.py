@@ -313,6 +313,26 @@ def surface_of(height_m, noise_px=0.0):
     return surface
 
 
+@pytest.mark.parametrize(
+    ('rows', 'columns', 'is_kept'),
+    [
+        (slice(16, 25), slice(18, 22), False),
+        # The blur of matching.
+        (slice(19, 25), slice(18, 22), False),
+        (slice(20, 25), slice(18, 22), True),
+        (slice(16, 25), slice(24, 30), False),
+        (slice(16, 25), slice(25, 30), True),
+        # A rock that is seen behind the brim, right above it.
+        (slice(5, 15), slice(18, 22), True),
+    ],
+)
+def test_a_brim_is_a_rim_of_what_lies_below_it_in_the_image(rows, columns, is_kept):
+    brims = brims_at(surface_of(np.zeros((30, 40))), (15, 20, 2))
+    obstacles = np.zeros((30, 40), bool)
+    obstacles[rows, columns] = True
+    assert brims.not_on(obstacles, PARAMETERS.brims).columns.size == is_kept
+
+
 def brims_at(surface, *places, level_m=0.0):
     """Sure brims with given rows, columns and numbers of rows in their edges."""
     rows, columns, edge_rows = np.array(places).T
