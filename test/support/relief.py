@@ -17,6 +17,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import DisparityPlane, GroundPlane
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.surface import Surface
 from rover_obstacle_detection.detection.terrain.survey import survey
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -133,3 +134,14 @@ def block(x, y, size_m, height_m) -> Height:
 
 def together(*heights: Height) -> Height:
     return lambda x, y: sum(height(x, y) for height in heights)
+
+
+def surface_of(height_m, noise_px=0.0):
+    """A surface with given heights, shape (rows, columns), and 30 px of disparity everywhere."""
+    rows, columns = np.shape(height_m)
+    camera = StereoCamera(columns, rows, 20.0, 20.0, 1.0, 1.0, 0.15)
+    posed = PosedCamera(camera, pitch_deg=30.0, height_m=1.2)
+    stereo = posed.stereo(np.full((rows, columns), 30, np.float32), noise_px)
+    surface = Surface(stereo, PARAMETERS)
+    surface.height_m = np.array(height_m, np.float32)
+    return surface

@@ -89,6 +89,8 @@ class BrimParameters:
         Ground before a brim that is marked, and least rows of it. Derived: the finest scale at
         which slopes are measured, where the ground falls with the brim; a planner needs some
         points to see it.
+    max_gap_m : float
+        Distance over which brims in neighbouring columns are one. Derived: a wheel base.
     noises, pixel_noises : float
         Standard deviations by which the drop of a whole brim, and of each of its pixels, exceeds
         the step. Derived: the usual three, and what half of the pixels of a brim have that hardly
@@ -128,6 +130,7 @@ class BrimParameters:
     blur_px: int = 1
     edge_m: float = 0.14
     edge_px: int = 2
+    max_gap_m: float = 0.7
     noises: float = 3.0
     pixel_noises: float = 1.0
     shared_px: float = 33.0

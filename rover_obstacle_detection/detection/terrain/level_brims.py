@@ -41,6 +41,10 @@ class AllBrims:
         edges = [each.edge(parameters, lengths) for each in self.parts]
         return np.asarray(np.logical_or.reduce(edges))
 
+    def beside(self, parameters: BrimParameters) -> Mask:
+        """Mark the ground beside sure brims that run along the view: see `Brims.beside`."""
+        return np.asarray(np.logical_or.reduce([each.beside(parameters) for each in self.parts]))
+
     def beyond(self) -> Mask:
         """Mark the pixels behind a brim that lie lower than the rover can step."""
         return np.asarray(np.logical_or.reduce([each.beyond() for each in self.parts]))

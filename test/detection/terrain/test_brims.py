@@ -7,18 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from relief import PARAMETERS, PosedCamera, bank, block, flat
+from relief import PARAMETERS, PosedCamera, bank, block, flat, surface_of
 from synthetic import pinhole
 
-from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.terrain.brim_parameters import BrimParameters
 from rover_obstacle_detection.detection.terrain.brims import (
     Brims,
-    Jumps,
-    Surface,
     find_brims,
-    one_in_each_fall,
-    whole_brims,
 )
 
 # As many rows as in real images: a few of them are little ground.
@@ -302,17 +297,6 @@ def test_without_any_match_there_is_no_brim():
     assert not Found(edge(), missing=lambda x, y: y > -9).columns.size
 
 
-def surface_of(height_m, noise_px=0.0):
-    """A surface with given heights, shape (rows, columns), and 30 px of disparity everywhere."""
-    rows, columns = np.shape(height_m)
-    camera = StereoCamera(columns, rows, 20.0, 20.0, 1.0, 1.0, 0.15)
-    posed = replace(POSED, camera=camera)
-    stereo = posed.stereo(np.full((rows, columns), 30, np.float32), noise_px)
-    surface = Surface(stereo, PARAMETERS)
-    surface.height_m = np.array(height_m, np.float32)
-    return surface
-
-
 @pytest.mark.parametrize(
     ('rows', 'columns', 'is_kept'),
     [
@@ -386,57 +370,6 @@ def test_noise_of_the_height_adds_to_the_step_below_a_brim():
     )
 
 
-def test_the_nearest_matches_below_and_above_gaps():
-    nothing = np.nan
-    surface = surface_of(np.transpose([
-        [1, 2, 3, 4, 5],
-        [nothing, 2, nothing, nothing, 5],
-        [1, nothing, 3, 4, nothing],
-        [nothing] * 5,
-    ]))  # fmt: skip
-    below, above = surface.nearest()
-    assert below.rows.T.tolist() == [[0, 1, 2, 3, 4], [1, 1, 4, 4, 4], [0, 2, 2, 3, 4], [4] * 5]
-    assert above.rows.T.tolist() == [[0, 1, 2, 3, 4], [0, 1, 1, 1, 4], [0, 0, 2, 3, 3], [0] * 5]
-    for found in (below, above):
-        expected = np.take_along_axis(surface.height_m, found.rows, axis=0)
-        np.testing.assert_array_equal(found.height_m, expected)
-
-
-def test_rows_to_a_metre_follow_the_distance_along_the_ground():
-    found = Found(flat)
-    # Near the middle of the image.
-    rows, columns = np.arange(120, 200), np.full(80, COLUMNS // 2)
-    points = found.brims.surface.points(rows, columns)
-    along_m = found.y[119:201, COLUMNS // 2]
-    expected = 2 / (along_m[:-2] - along_m[2:])
-    np.testing.assert_allclose(found.brims.surface.rows_per_metre(points), expected, rtol=0.05)
-    np.testing.assert_allclose(points.sight, POSED.height_m / along_m[1:-1], rtol=0.01)
-
-
-@pytest.mark.parametrize(
-    ('rows', 'kept'),
-    [
-        ([5], [5]),
-        (range(5, 13), [5]),
-        ([*range(5, 13), *range(20, 28)], [5, 20]),
-        # Two falls, and three, that follow one another at once.
-        (range(5, 19), [5, 11]),
-        (range(5, 29), [5, 13, 21]),
-    ],
-)
-def test_one_jump_in_each_fall_is_kept(rows, kept):
-    rows = np.array(rows)
-    across = np.repeat([3, 4], rows.size)
-    found_rows, found_columns = one_in_each_fall(np.tile(rows, 2)[::-1], across[::-1], 8)
-    assert found_rows.tolist() == kept * 2
-    assert found_columns.tolist() == [3] * len(kept) + [4] * len(kept)
-
-
-def test_without_jumps_none_is_kept():
-    nothing = np.zeros(0, np.intp)
-    assert all(each.size == 0 for each in one_in_each_fall(nothing, nothing, 8))
-
-
 @pytest.mark.parametrize(
     ('tread_m', 'steps'), [(0.3, (0,)), (0.4, (0, 2)), (0.6, (0, 1)), (0.8, (0, 1))]
 )
@@ -453,52 +386,17 @@ def test_stairs_down_have_brims(tread_m, steps):
     assert y.min() > 1.9
 
 
-def jumps_at(columns, excess_m=1.0, noise_m=0.0, grazing=0.0):
-    """Jumps in one row, 2 m ahead, where a metre has 200 columns."""
-
-    def each(value):
-        return np.broadcast_to(np.float32(value), columns.shape)
-
-    rows = np.full(columns.size, 15)
-    return Jumps(rows, columns, each(excess_m), each(noise_m), each(grazing), each(2), each(200))
-
-
-def kept_of(jumps, **changes):
-    p = replace(PARAMETERS.brims, min_width_share=0.0, **changes)
-    return whole_brims(jumps, (30, 200), p).columns.tolist()
-
-
-@pytest.mark.parametrize(
-    ('columns', 'wide_columns'), [((0, 3), 6), ((1, 3), 6), ((10, 13), 8), ((198, 199), 4)]
-)
-def test_a_brim_is_as_wide_as_its_columns_and_two_more_on_either_side(columns, wide_columns):
-    first, last = columns
-    across = np.arange(first, last + 1)
-    for share, kept in ((0.99, across.tolist()), (1.01, [])):
-        assert kept_of(jumps_at(across), min_width_m=share * wide_columns / 200) == kept
-
-
-@pytest.mark.parametrize(
-    ('columns', 'excess_noises', 'is_found'),
-    [(30, 2.9, False), (30, 3.1, True), (128, 1.4, False), (128, 1.6, True)],
-)
-def test_a_wide_brim_has_less_noise_than_its_pixels(columns, excess_noises, is_found):
-    # With two more on either side, 132 columns are four times those that share their noise.
-    across = np.arange(20, 20 + columns)
-    noise_m = np.where(across % 2, 0.02, 0.04)
-    found = kept_of(jumps_at(across, excess_noises * noise_m, noise_m), min_width_m=0.0)
-    assert found == (across.tolist() if is_found else [])
-
-
-@pytest.mark.parametrize(('usual', 'is_found'), [(0.25, True), (0.35, False)])
-def test_before_a_brim_the_ground_is_mostly_level(usual, is_found):
-    across = np.arange(20, 80)
-    grazing = np.where(across % 3 == 0, 0.0, np.where(across % 3 == 1, 0.8, usual))
-    found = kept_of(jumps_at(across, grazing=grazing), min_width_m=0.0)
-    assert found == (across.tolist() if is_found else [])
-
-
-def test_brims_apart_are_judged_apart():
-    deep, shallow = np.arange(20, 60), np.arange(80, 120)
-    jumps = jumps_at(np.concatenate((deep, shallow)), np.repeat([0.1, 0.01], 40), 0.02)
-    assert kept_of(jumps, min_width_m=0.0) == deep.tolist()
+def test_the_ground_beside_a_brim_along_the_view_is_marked():
+    # 0.15 m of baseline and 30 px of disparity: 0.14 m are 28 columns, and rows are little ground.
+    surface = surface_of(np.zeros((100, 200)))
+    steep = [(20 + 30 * (column - 100), column, 2) for column in range(100, 103)]
+    beside = brims_at(surface, *steep).beside(PARAMETERS.brims)
+    columns = np.flatnonzero(beside[50])
+    assert columns[0] == pytest.approx(101 - 28, abs=2)
+    assert columns[-1] == pytest.approx(101 + 28, abs=2)
+    # Across the view, the edge before the brim is enough.
+    across = [(50, column, 2) for column in range(60, 140)]
+    assert not brims_at(surface, *across).beside(PARAMETERS.brims).any()
+    # Brims far apart are not one.
+    apart = [(20, 100, 2), (80, 110, 2)]
+    assert not brims_at(surface, *apart).beside(PARAMETERS.brims).any()
