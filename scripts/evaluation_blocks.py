@@ -17,6 +17,7 @@ from evaluation_results import (
     REPORT,
     SAMPLE,
     TUNE,
+    UNSEEN,
     Results,
 )
 from studies.disparity_study import pair_table, scenes_table
@@ -55,6 +56,7 @@ SUITE_NAMES = {
     DRAWN: 'drawn',
     HAZARD_REPORT: 'hazards, reporting',
     HAZARD_TUNE: 'hazards, tuning',
+    UNSEEN: 'unseen',
 }
 
 

@@ -37,7 +37,7 @@ SAMPLE_BAG = Path(__file__).resolve().parent.parent / 'bags' / 'mars_yard'
 OWN = 'hybrid'
 WORST_PICTURES = 10
 REPORT, TUNE, DRAWN, SAMPLE = 'report', 'tune', 'drawn', 'sample'
-HAZARD_REPORT, HAZARD_TUNE = 'hazard_report', 'hazard_tune'
+HAZARD_REPORT, HAZARD_TUNE, UNSEEN = 'hazard_report', 'hazard_tune', 'unseen'
 TIMED = (REPORT, SAMPLE)
 # The clearance curve and the drawn scenes skip the methods that take seconds a frame.
 CURVED = tuple(method for method in USE_CLEARANCE if method != 'wang')
@@ -62,6 +62,8 @@ class Results:
         Labelled bags of the randomly drawn scenes.
     hazard_reporting, hazard_tuning : sequence of Path
         Labelled bags of the suite ``hazards``.
+    unseen : sequence of Path
+        Labelled bags of the suite ``unseen``.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class Results:
         drawn: Sequence[Path] = (),
         hazard_reporting: Sequence[Path] = (),
         hazard_tuning: Sequence[Path] = (),
+        unseen: Sequence[Path] = (),
     ) -> None:
         self._bags = {
             REPORT: reporting,
@@ -80,6 +83,7 @@ class Results:
             DRAWN: drawn,
             HAZARD_REPORT: hazard_reporting,
             HAZARD_TUNE: hazard_tuning,
+            UNSEEN: unseen,
             SAMPLE: [SAMPLE_BAG],
         }
         self.methods = methods

@@ -6,9 +6,9 @@
 
 Both pages are updated: evaluation.md and its appendix evaluation_tables.md. Text outside the
 generated blocks stays. Missing scenes are rendered (extra sim). Scenes named ``report_*`` and
-``tune_*`` form the reporting and the tuning suite; the suites ``drawn`` and ``hazards`` are
-rendered separately and skipped with --bags. The sample bag in bags/ has a table of its own. The
-Middlebury pair needs the extra data; methods whose library is missing are skipped.
+``tune_*`` form the reporting and the tuning suite; the suites ``drawn``, ``hazards`` and
+``unseen`` are rendered separately and skipped with --bags. The sample bag in bags/ has a table of
+its own. The Middlebury pair needs the extra data; methods whose library is missing are skipped.
 
 Timed results are computed in this process, one at a time. Everything else runs in --workers
 processes.
@@ -32,7 +32,12 @@ from rover_obstacle_detection.evaluation.methods.registry import make_method
 
 DOCS = Path(__file__).resolve().parent.parent / 'docs'
 # Suite and scenes, in the order of the arguments of `Results`.
-OTHER_SUITES = (('drawn', '*'), ('hazards', 'hazard_report_*'), ('hazards', 'hazard_tune_*'))
+OTHER_SUITES = (
+    ('drawn', '*'),
+    ('hazards', 'hazard_report_*'),
+    ('hazards', 'hazard_tune_*'),
+    ('unseen', '*'),
+)
 
 
 def main() -> None:

@@ -230,10 +230,9 @@ class FrameCauses:
         if median(self._depth_m[inside]) > max_range_m:
             return Cause('beyond the detection range', f'max_range {max_range_m:g} m')
         noise_m = median(self._detection.height_noise[inside])
-        noise = f'height noise {_centimetres(noise_m)}'
         if noise_m > self._detection.parameters.terrain.max_noise_share * self._limit_m:
-            return Cause('beyond the detection range', noise)
-        return Cause('in doubt', noise)
+            return Cause('beyond the detection range', f'height noise {_centimetres(noise_m)}')
+        return Cause('in doubt')
 
     def _measured(self, measured_m: float, true_m: float | None = None) -> str:
         detail = f'measured {_centimetres(measured_m)}, limit {_centimetres(self._limit_m)}'

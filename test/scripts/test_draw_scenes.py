@@ -47,7 +47,7 @@ def test_script_reproduces_the_wide_suite():
 def test_training_tuning_and_reporting_suites_share_no_seed():
     seeds = [
         scene.seed
-        for suite in ('training', 'training_wide', 'standard', 'drawn', 'hazards')
+        for suite in ('training', 'training_wide', 'standard', 'drawn', 'hazards', 'unseen')
         for scene in suite_scenes(suite)
     ]
     assert len(seeds) > 550

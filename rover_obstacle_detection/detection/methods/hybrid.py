@@ -53,8 +53,8 @@ def detect_hybrid(
     p, full = parameters, frame
     measured = measure(full, p, finished, stages)
     frame, correction, stereo, terrain, brims, sparse, warnings = measured
-    steep, maybe_steep, _ = stages.slope(terrain, stereo.ground, p.terrain)
-    dropped, maybe_dropped, _ = stages.drop(terrain, stereo.ground, p.terrain)
+    steep, maybe_steep = stages.slope(terrain, stereo.ground, p.terrain)
+    dropped, maybe_dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.

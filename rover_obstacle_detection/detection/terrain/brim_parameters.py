@@ -92,9 +92,8 @@ class BrimParameters:
     max_gap_m : float
         Distance over which brims in neighbouring columns are one. Derived: a wheel base.
     noises, pixel_noises : float
-        Standard deviations by which the drop of a whole brim, and of each of its pixels, exceeds
-        the step. Derived: the usual three, and what half of the pixels of a brim have that hardly
-        exceeds the step.
+        Standard deviations by which the mean fall of a brim, and the fall at each of its pixels,
+        exceeds the step. Derived: the usual three; the second only keeps out most of the noise.
     shared_px : float
         Columns of a brim that share their noise. Derived: the widest window of the refinement.
     min_hidden_share : float
@@ -114,7 +113,7 @@ class BrimParameters:
     max_grazing_share, max_pixel_grazing_share : float
         Downward slope before a whole brim, and before each of its pixels, relative to the sight
         line's, from which it is a crest: ground that bends down gradually. Chosen with all suites
-        in view; from 0.1 to 0.4, the first makes no difference there.
+        in view, where `max_grazing_share` makes no difference from 0.1 to 0.4.
     min_tilt_deg : float
         Angle between the ground plane's normal and the vertical from which brims are looked for
         over a level plane as well. Derived: less lowers a step by a few centimetres at most.

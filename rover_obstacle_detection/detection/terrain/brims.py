@@ -99,23 +99,18 @@ class Brims:
 
         From one column to the next, such a brim goes on over many rows.
         """
-        beside = np.zeros(self.surface.height_m.shape, np.uint8)
-        order = np.lexsort((self.rows, self.columns))
-        order = order[self.sure[order]]
-        rows, columns = self.rows[order], self.columns[order]
+        height, width = self.surface.height_m.shape
+        beside = np.zeros((height, width), np.uint8)
+        columns, rows = self.columns[self.sure], self.rows[self.sure]
         brim = self.surface.points(rows, columns)
-        reach = np.rint(parameters.edge_m * brim.columns_per_metre).astype(np.intp)
-        # There are hardly more brims in a column.
-        for ahead in range(1, 4):
-            across = columns[ahead:] - columns[:-ahead]
-            joined = (across > 0) & (across <= parameters.reach_px)
-            joined &= np.abs(brim.along_m[ahead:] - brim.along_m[:-ahead]) < parameters.max_gap_m
-            joined &= np.abs(rows[ahead:] - rows[:-ahead]) > across
-            for first in np.flatnonzero(joined):
-                start, end = (
-                    (int(columns[each]), int(rows[each])) for each in (first, first + ahead)
-                )
-                cv2.line(beside, start, end, 1, 2 * int(reach[first]) + 1)
+        reach = np.minimum(np.rint(parameters.edge_m * brim.columns_per_metre), width)
+        first, second = _neighbours(rows, columns, parameters.reach_px)
+        joined = np.abs(brim.along_m[second] - brim.along_m[first]) < parameters.max_gap_m
+        # The edges before the others meet.
+        joined &= np.abs(rows[second] - rows[first]) > columns[second] - columns[first]
+        places = list(zip(columns.tolist(), rows.tolist(), strict=True))
+        for i, j in zip(first[joined].tolist(), second[joined].tolist(), strict=True):
+            cv2.line(beside, places[i], places[j], 1, 2 * int(max(reach[i], reach[j])) + 1)
         return beside > 0
 
     def beyond(self) -> Mask:
@@ -167,6 +162,9 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     jumps = whole_brims(find_jumps(surface, below, above, parameters), surface.height_m.shape, p)
     drop_rows, columns = one_in_each_fall(jumps.rows, jumps.columns, 2 * p.reach_px)
     rows = below.rows[_below_jump(drop_rows, p, len(surface.height_m)), columns]
+    # Where rows have no match, several jumps show the same brim.
+    _, once = np.unique(columns * len(surface.height_m) + rows, return_index=True)
+    rows, columns, drop_rows = rows[once], columns[once], drop_rows[once]
     brim = surface.points(rows, columns)
     sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
     # Where matching blurs the ground just before it, a brim looks like a crest.
@@ -179,3 +177,31 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
 def _below_jump(drop_rows: Rows, parameters: BrimParameters, height: int) -> Rows:
     """Rows from which the nearest match downwards lies on the ground before a jump."""
     return np.asarray(np.minimum(drop_rows + parameters.reach_px, height - 1))
+
+
+def _neighbours(rows: Rows, columns: Rows, reach_px: int) -> tuple[Rows, Rows]:
+    """For each brim, the nearest in the next column to the right that has any within reach.
+
+    Returns
+    -------
+    first, second : ndarray of int, shape (m,)
+        Indices of the brims that have one, and of those.
+    """
+    height = int(rows.max(initial=0)) + 1
+    order = np.lexsort((rows, columns))
+    places = (columns * height + rows)[order]
+    first, second = np.zeros((2, 0), np.intp)
+    alone = np.arange(rows.size)
+    for across in range(1, reach_px + 1):
+        after = np.searchsorted(places, (columns + across)[alone] * height + rows[alone])
+        off = np.full((2, alone.size), height)
+        for side, index in zip(off, (after - 1, after), strict=True):
+            there = (index >= 0) & (index < rows.size)
+            there[there] = columns[order[index[there]]] == columns[alone[there]] + across
+            side[there] = np.abs(rows[order[index[there]]] - rows[alone[there]])
+        found = off.min(axis=0) < height
+        nearest = np.where(off[0] < off[1], after - 1, after)[found]
+        first = np.concatenate((first, alone[found]))
+        second = np.concatenate((second, order[nearest]))
+        alone = alone[~found]
+    return first, second

@@ -51,9 +51,10 @@ def ground_rise(layer: Layer, parameters: TerrainParameters) -> Rise:
     Notes
     -----
     Cells weigh by the inverse of their noise. By the inverse of its square, which would suit noise
-    alone, the face of a ledge, which has many pixels, would tilt the ground around it. With these
-    weights w, the rise has the standard deviation ``sqrt(n) / (2 s sum(w))`` for n cells with
-    spread s, where pixels in a window share their noise. The narrowest scale at which the rise is
+    alone, the face of a ledge, which has many pixels, would tilt the ground around it.
+
+    With these weights w, the rise has the standard deviation ``sqrt(m n) / (2 s sum(w))`` for n
+    cells with spread s, where m pixels share their noise. The narrowest scale at which the rise is
     known well enough counts, with a smooth transition to the next. No scale is narrower than a
     cell.
     """

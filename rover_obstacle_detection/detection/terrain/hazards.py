@@ -22,6 +22,7 @@ from rover_obstacle_detection.detection.terrain.local_ground import smoothed
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.slope import (
     Hazard,
+    SteepCells,
     hollow_depth,
     level_heights,
     steep_cells,
@@ -43,7 +44,7 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
     """
     p = parameters
 
-    def steep(layer: Layer) -> Hazard:
+    def steep(layer: Layer) -> SteepCells:
         cells = steep_cells(ground_rise(layer, p), ground, p)
         if not cells.found.any():
             return cells
@@ -52,8 +53,8 @@ def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParam
         beside = _dilated(cells.found, margin_m / layer.positions.cell_m)
         return cells._replace(possible=cells.possible | beside)
 
-    slopes = _on_pixels(terrain, steep, p)
-    return slopes._replace(found=parts_with(slopes.certain, slopes.found))
+    found, possible, certain = _on_pixels(terrain, steep, 3)
+    return Hazard(parts_with(certain, found & _quiet(terrain, p)), possible)
 
 
 def large_slopes(steep: Mask, parameters: TerrainParameters) -> Mask:
@@ -102,9 +103,10 @@ def dropping_ground(
         certain = found & (noise_m < p.max_ground_noise_share * p.max_step_m)
         if certain.any():
             possible |= _below_rim_nearby(certain, level_m, depth_m, cell_m, p) > most_m
-        return Hazard(np.asarray(found), np.asarray(possible), np.asarray(found))
+        return Hazard(np.asarray(found), np.asarray(possible))
 
-    return _on_pixels(terrain, dropped, p)
+    found, possible = _on_pixels(terrain, dropped, 2)
+    return Hazard(found & _quiet(terrain, p), possible)
 
 
 def _below_rim_nearby(
@@ -212,14 +214,14 @@ def _dilated(cells: Mask, radius: float) -> Mask:
 
 
 def _on_pixels(
-    terrain: Terrain, judge: Callable[[Layer], Hazard], parameters: TerrainParameters
-) -> Hazard:
-    """Pixels of the cells of a hazard. Only where noise is low is it found."""
-    pixels = Hazard(*(np.zeros(terrain.height_m.shape, np.bool_) for _ in Hazard._fields))
+    terrain: Terrain, judge: Callable[[Layer], tuple[Mask, ...]], count: int
+) -> list[Mask]:
+    """Pixels of the kinds of cells that each layer has."""
+    kinds = [np.zeros(terrain.height_m.shape, np.bool_) for _ in range(count)]
     for layer in terrain.layers:
-        for image, cells in zip(pixels, judge(layer), strict=True):
-            _fill(image, layer, cells)
-    return pixels._replace(found=pixels.found & _quiet(terrain, parameters))
+        for pixels, cells in zip(kinds, judge(layer), strict=True):
+            _fill(pixels, layer, cells)
+    return kinds
 
 
 def _fill(pixels: Mask, layer: Layer, cells: Mask) -> None:

@@ -73,7 +73,8 @@ def find_jumps(
     noise_m = np.hypot(near.noise_m, far.noise_m)
     rise = _rise_before(surface, near, below, columns, p.before_m)
     # On stairs, another step may be as near as that.
-    just_before = np.fmin(_rise_before(surface, near, below, columns, p.just_before_m), 0)
+    # What is not seen is not level.
+    just_before = np.minimum(_rise_before(surface, near, below, columns, p.just_before_m), 0)
     grazing = -np.fmax(rise, just_before) / np.maximum(near.sight, np.float32(1e-3))
     found = below - above <= span + p.max_unseen_px
     found &= excess_m > p.pixel_noises * noise_m
@@ -100,7 +101,7 @@ def one_in_each_fall(rows: Rows, columns: Rows, length: int) -> tuple[Rows, Rows
     ----------
     rows, columns : ndarray of int, shape (n,)
     length : int
-        Rows in which a fall is seen.
+        Rows in which a fall is seen, where none of them is without a match.
 
     Returns
     -------
@@ -144,7 +145,7 @@ def whole_brims(jumps: Jumps, shape: tuple[int, ...], parameters: BrimParameters
     Notes
     -----
     A brim as a whole has less noise than each of its pixels. What makes ground before a crest look
-    level here and there, ripples and noise, averages out over it.
+    level here and there, ripples and noise, is seldom in most of them.
     """
     p = parameters
     if not jumps.rows.size:

@@ -85,9 +85,10 @@ class TerrainParameters:
     free_noises : float
         Standard deviations, of the rise or of the height, by which a slope or a hollow must stay
         within the limit to be free. Derived: the usual two.
-    certain_slope_noises : float
-        Standard deviations by which a slope as a whole must exceed the limit, or else is only
-        possible. Derived: the usual two.
+    certain_slope_noises, certain_slope_share : float
+        Standard deviations by which the mean of a slope, or more than a share of its cells, must
+        exceed the limit, or else it is only possible. Derived: the usual two, and twice what
+        chance has beyond them.
     steep_share : float
         Least share of a slope's cells that are too steep.
     slope_margin_m : float
@@ -174,6 +175,7 @@ class TerrainParameters:
     max_lost_share: float = 0.125
     free_noises: float = 2.0
     certain_slope_noises: float = 2.0
+    certain_slope_share: float = 0.05
     steep_share: float = 0.4
     slope_margin_m: float = 0.06
     min_scale_cells: float = 0.6

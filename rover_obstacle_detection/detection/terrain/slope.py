@@ -26,8 +26,23 @@ class Hazard(NamedTuple):
         Cells or pixels of the hazard.
     possible : ndarray of bool, same shape
         Those where it cannot be ruled out.
-    certain : ndarray of bool, same shape
-        Those of the hazard where it is not noise.
+    """
+
+    found: Mask
+    possible: Mask
+
+
+class SteepCells(NamedTuple):
+    """Cells of slopes.
+
+    Parameters
+    ----------
+    found : ndarray of bool, shape of the map
+        Cells that are measured to be too steep, and those that belong to them.
+    possible : ndarray of bool, shape of the map
+        Cells where a slope cannot be ruled out.
+    certain : ndarray of bool, shape of the map
+        Found cells of slopes that are steeper than noise could make them.
     """
 
     found: Mask
@@ -35,7 +50,7 @@ class Hazard(NamedTuple):
     certain: Mask
 
 
-def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
+def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) -> SteepCells:
     """Find the cells that are steeper against the horizontal than the rover can climb.
 
     Parameters
@@ -71,48 +86,52 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     possible = ~((upward >= np.cos(sure)) & (sure > 0))
     steep = (upward < math.cos(limit)) & known
     if not steep.any():
-        return Hazard(np.asarray(steep), np.asarray(possible), np.asarray(steep))
+        return SteepCells(np.asarray(steep), np.asarray(possible), np.asarray(steep))
     almost = (upward < math.cos(nearly)) & known
     count, labels = cv2.connectedComponents(almost.astype(np.uint8), connectivity=8)
     whole = np.bincount(labels.ravel(), minlength=count)
     part = np.bincount(labels[steep], minlength=count)
     kept = part >= parameters.steep_share * whole
     kept[0] = False
-    excess = np.asarray(np.arccos(upward[steep]) - limit, np.float32)
-    certain = _is_no_noise(excess, steep, labels, rise, parameters)
-    certain[0] = False
+    excess = np.asarray(np.arccos(upward[almost]) - limit, np.float32)
+    windows_m2 = np.float32(4 * math.pi) * np.square(rise.scale_m[almost])
+    samples = np.asarray(np.float32(rise.cell_m**2) / windows_m2, np.float32)
+    certain = _beyond_noise(
+        excess, np.arctan(rise.noise[almost]), samples, labels[almost], parameters
+    )
     found = np.asarray(steep | kept[labels])
-    return Hazard(found, np.asarray(possible), found & certain[labels])
+    return SteepCells(found, np.asarray(possible), found & certain[labels])
 
 
-def _is_no_noise(
-    excess: Grid, steep: Mask, labels: NDArray[Any], rise: Rise, parameters: TerrainParameters
+def _beyond_noise(
+    excess: Grid, noise: Grid, samples: Grid, part: NDArray[Any], parameters: TerrainParameters
 ) -> Mask:
-    """Tell for each part whether noise cannot make one of its cells, or their mean, so steep.
+    """Find the slopes that are steeper, as a whole or in several cells, than noise makes them.
 
     Parameters
     ----------
-    excess : ndarray of float32, shape (n,)
-        Angle over the limit of each steep cell, radians.
-    steep : ndarray of bool, shape of the map
-    labels : ndarray of int, shape of the map
-    rise : Rise
+    excess, noise : ndarray of float32, shape (n,)
+        Angle of each cell over the limit, and its standard deviation, radians.
+    samples : ndarray of float32, shape (n,)
+        Independent samples of the noise that a cell has: a Gaussian window takes as much ground
+        as ``4 pi`` squares of its scale.
+    part : ndarray of int, shape (n,)
+        Number of the slope that each cell belongs to.
     parameters : TerrainParameters
+
+    Returns
+    -------
+    ndarray of bool, shape (slopes,)
     """
-    noises, part = parameters.certain_slope_noises, labels[steep]
-    count = int(labels.max()) + 1
-    cells = np.maximum(np.bincount(part, minlength=count), 1)
-
-    def mean(values: Grid) -> NDArray[np.float64]:
-        return np.asarray(np.bincount(part, weights=values, minlength=count) / cells)
-
-    noise = np.arctan(rise.noise[steep])
-    # The mean over a Gaussian window takes as much ground as this many squares of its scale.
-    window_m2 = 4 * math.pi * np.square(mean(rise.scale_m[steep]))
-    samples = np.maximum(cells * rise.cell_m**2 / np.maximum(window_m2, 1e-9), 1)
-    certain = mean(excess) > noises * mean(noise) / np.sqrt(samples)
-    certain[part[excess > noises * noise]] = True
-    return np.asarray(certain)
+    noises = parameters.certain_slope_noises
+    cells = np.maximum(np.bincount(part), 1)
+    mean, mean_noise, total = (
+        np.bincount(part, weights=values)
+        for values in (excess / cells[part], noise / cells[part], samples)
+    )
+    whole = mean > noises * mean_noise / np.sqrt(np.maximum(total, 1))
+    clear = np.bincount(part[excess > noises * noise], minlength=cells.size)
+    return np.asarray(whole | (clear > parameters.certain_slope_share * cells))
 
 
 def _slope_of_a_ledge(scale_m: Grid, max_step_m: float) -> Grid:

@@ -124,7 +124,7 @@ def _vertical_of_plane(
 def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
     """Find no impassable ground."""
     nothing = np.zeros(terrain.height_m.shape, np.bool_)
-    return Hazard(nothing, nothing, nothing)
+    return Hazard(nothing, nothing)
 
 
 def _outlines_by_height(

@@ -50,7 +50,7 @@ def test_known_gravity_is_not_estimated():
 
 def everywhere(terrain, *others):
     all_ = np.ones(terrain.height_m.shape, np.bool_)
-    return Hazard(all_, all_, all_)
+    return Hazard(all_, all_)
 
 
 def possible_everywhere(terrain, *others):
@@ -58,7 +58,7 @@ def possible_everywhere(terrain, *others):
         np.zeros(terrain.height_m.shape, np.bool_),
         np.ones(terrain.height_m.shape, np.bool_),
     )
-    return Hazard(none, all_, none)
+    return Hazard(none, all_)
 
 
 @pytest.mark.parametrize(('name', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP)])

@@ -15,6 +15,7 @@ from rover_obstacle_detection.detection.terrain.brims import (
     Brims,
     find_brims,
 )
+from rover_obstacle_detection.detection.terrain.level_brims import AllBrims
 
 # As many rows as in real images: a few of them are little ground.
 CAMERA = pinhole(44, 320, 60.0, 0.15)
@@ -400,3 +401,39 @@ def test_the_ground_beside_a_brim_along_the_view_is_marked():
     # Brims far apart are not one.
     apart = [(20, 100, 2), (80, 110, 2)]
     assert not brims_at(surface, *apart).beside(PARAMETERS.brims).any()
+
+
+def test_brims_are_joined_to_the_nearest_of_the_next_column():
+    surface = surface_of(np.zeros((100, 200)))
+    # Four brims that run along the view side by side, and as many columns apart as may be.
+    steep = [
+        (10 + 10 * step + start, 100 + 2 * step, 2)
+        for start in (0, 5, 40, 45)
+        for step in range(3)
+    ]
+    brims = brims_at(surface, *steep)
+    assert brims.beside(PARAMETERS.brims)[15:75, 101].all()
+    assert not replace(brims, sure=~brims.sure).beside(PARAMETERS.brims).any()
+
+
+def test_all_planes_show_ground_beside_brims():
+    surface = surface_of(np.zeros((100, 200)))
+    steep = [(20 + 30 * step, 100 + step, 2) for step in range(3)]
+    none = brims_at(surface, (5, 5, 2))
+    both = AllBrims((none, brims_at(surface, *steep)))
+    assert not none.beside(PARAMETERS.brims).any()
+    assert both.beside(PARAMETERS.brims)[50, 100]
+
+
+def test_a_brim_below_rows_without_a_match_is_one():
+    found = Found(edge(), missing=lambda x, y: (y > 2.0) & (y < 2.3))
+    pixels = np.stack((found.brims.rows, found.brims.columns))
+    assert np.unique(pixels, axis=1).shape == pixels.shape
+    assert found.columns.size > 0.9 * COLUMNS
+
+
+@pytest.mark.parametrize('angle_deg', [30, 35])
+def test_a_slope_down_with_few_matches_has_no_brim(angle_deg):
+    seen = np.random.default_rng(2).random(looked(POSED, flat)[0].shape) < 0.5
+    found = Found(bank(-angle_deg, 1.2), missing=lambda x, y: ~seen)
+    assert not found.brims.sure.any()

@@ -154,6 +154,14 @@ def test_slope_is_possible_wherever_the_rise_is_not_known():
     assert steep_cells(rise_of(ramp(0), noise=0.5), ground(), PARAMETERS).possible.all()
 
 
+def noisy_slope(angles_deg, noise_deg=2.0, scale_m=0.14):
+    forward = np.tan(np.radians(angles_deg)).astype(np.float32)
+    noise, scale_m = (
+        np.full_like(forward, each) for each in (math.tan(math.radians(noise_deg)), scale_m)
+    )
+    return steep_cells(Rise(0 * forward, forward, noise, scale_m, CELL_M), ground(), PARAMETERS)
+
+
 @pytest.mark.parametrize(
     ('angle', 'cells', 'is_certain'),
     [
@@ -165,18 +173,34 @@ def test_slope_is_possible_wherever_the_rise_is_not_known():
         (21.0, 60, True),
     ],
 )
-def test_a_slope_is_certain_if_noise_makes_no_cell_and_not_the_whole_so_steep(
-    angle, cells, is_certain
-):
-    angles_deg = np.zeros((60, 80), np.float32)
+def test_a_slope_is_certain_if_its_mean_is_beyond_noise(angle, cells, is_certain):
+    angles_deg = np.zeros((60, 80))
     angles_deg[:cells, :cells] = angle
-    forward = np.tan(np.radians(angles_deg))
-    noise = np.full_like(forward, math.tan(math.radians(2)))
-    rise = Rise(0 * forward, forward, noise, np.full_like(forward, 0.14), CELL_M)
-    hazard = steep_cells(rise, ground(), PARAMETERS)
+    hazard = noisy_slope(angles_deg)
     np.testing.assert_array_equal(hazard.found, angles_deg > 0)
     np.testing.assert_array_equal(hazard.certain, hazard.found & is_certain)
     assert hazard.possible[hazard.found].all()
+
+
+@pytest.mark.parametrize(('clear', 'is_certain'), [(5, False), (6, True)])
+def test_a_slope_is_certain_if_enough_of_its_cells_are_beyond_noise(clear, is_certain):
+    angles_deg = np.zeros((60, 80))
+    angles_deg[10:20, 10:20] = 18
+    angles_deg[10:16, 10:20] = 20.1
+    angles_deg[10, 10 : 10 + clear] = 24.2
+    hazard = noisy_slope(angles_deg)
+    assert hazard.found.sum() == 100
+    assert hazard.certain.sum() == 100 * is_certain
+
+
+@pytest.mark.parametrize('angle', [17, 18, 19])
+def test_noise_makes_no_slope_below_the_limit_certain(angle):
+    random = np.random.default_rng(3)
+    # A sample in each cell.
+    noisy_deg = angle + 2 * random.standard_normal((60, 80))
+    hazard = noisy_slope(noisy_deg, scale_m=CELL_M / math.sqrt(4 * math.pi))
+    assert hazard.found.any()
+    assert hazard.certain.mean() < 0.01
 
 
 def steep_rows(*angles_deg, rows_each=20):
