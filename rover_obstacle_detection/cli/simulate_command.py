@@ -69,7 +69,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     one.add_argument('--name', help='name of the bag (default: rig, conditions and seed)')
     suite = parser.add_argument_group('a suite')
     suite.add_argument(
-        '--suite', metavar='NAME', help='standard, drawn, training, samples, or a YAML file'
+        '--suite',
+        metavar='NAME',
+        help='standard, hazards, drawn, unseen, training, training_wide, samples, or a YAML file',
     )
     suite.add_argument(
         '--only',
