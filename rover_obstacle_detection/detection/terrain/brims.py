@@ -106,7 +106,7 @@ class Brims:
         reach = np.minimum(np.rint(parameters.edge_m * brim.columns_per_metre), width)
         first, second = _neighbours(rows, columns, parameters.reach_px)
         joined = np.abs(brim.along_m[second] - brim.along_m[first]) < parameters.max_gap_m
-        # The edges before the others meet.
+        # Across the view, the edges before the brims are enough.
         joined &= np.abs(rows[second] - rows[first]) > columns[second] - columns[first]
         places = list(zip(columns.tolist(), rows.tolist(), strict=True))
         for i, j in zip(first[joined].tolist(), second[joined].tolist(), strict=True):

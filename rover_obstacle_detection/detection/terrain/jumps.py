@@ -72,8 +72,7 @@ def find_jumps(
     excess_m = fallen_m - np.float32(parameters.max_step_m)
     noise_m = np.hypot(near.noise_m, far.noise_m)
     rise = _rise_before(surface, near, below, columns, p.before_m)
-    # On stairs, another step may be as near as that.
-    # What is not seen is not level.
+    # On stairs, another step may be nearer than that. What is not seen is not level.
     just_before = np.minimum(_rise_before(surface, near, below, columns, p.just_before_m), 0)
     grazing = -np.fmax(rise, just_before) / np.maximum(near.sight, np.float32(1e-3))
     found = below - above <= span + p.max_unseen_px
@@ -144,8 +143,8 @@ def whole_brims(jumps: Jumps, shape: tuple[int, ...], parameters: BrimParameters
 
     Notes
     -----
-    A brim as a whole has less noise than each of its pixels. What makes ground before a crest look
-    level here and there, ripples and noise, is seldom in most of them.
+    A brim as a whole has less noise than each of its pixels. Ripples and noise make the ground
+    before a crest look level at some pixels, but seldom at most of them.
     """
     p = parameters
     if not jumps.rows.size:
