@@ -136,6 +136,12 @@ def together(*heights: Height) -> Height:
     return lambda x, y: sum(height(x, y) for height in heights)
 
 
+def terrain_of(height_m, noise_m, layers=()):
+    """Terrain of the given heights, with a camera 1 m above it and 100 pixels to a metre."""
+    noise_m = np.broadcast_to(np.float32(noise_m), height_m.shape)
+    return Terrain(height_m, noise_m, np.ones_like(height_m), np.full_like(height_m, 100), layers)
+
+
 def surface_of(height_m, noise_px=0.0):
     """A surface with given heights, shape (rows, columns), and 30 px of disparity everywhere."""
     rows, columns = np.shape(height_m)

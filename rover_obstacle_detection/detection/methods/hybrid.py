@@ -22,10 +22,10 @@ from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border, walls_in_border
 from rover_obstacle_detection.detection.terrain.hazards import (
     large_slopes,
-    level_heights_known,
     rough_ground,
     tall,
 )
+from rover_obstacle_detection.detection.terrain.level import level_ground, uneven
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
 
@@ -122,9 +122,10 @@ def decided(
     excluded = stereo.frame.excluded
     cues, mask = combined_cues(found, excluded, parameters.result.min_obstacle_px)
     # A pixel is known if noise would not hide a step there, or if it is an obstacle anyway.
-    known = level_heights_known(terrain, parameters.terrain)
+    known = level_ground(terrain, parameters.terrain)
     known &= may_be_free & stereo.ground.measured
     known &= ~around(mask, parameters.result.outline_px)
+    known &= ~uneven(terrain, mask == OBSTACLE, parameters.terrain)
     known |= mask == OBSTACLE
     if excluded is not None:
         known &= ~excluded

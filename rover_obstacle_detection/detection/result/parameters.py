@@ -32,8 +32,8 @@ class ResultParameters:
     min_obstacle_px : int
         Pixels below which an obstacle is a speck. Tuned on the tuning scenes.
     outline_px : int
-        Distance from an obstacle to the nearest free pixels. Derived: matching knows an outline to
-        half a block, and to a pixel.
+        Distance from an obstacle to the nearest free pixels. Derived: half of the narrowest window
+        of the refinement, within which heights are mixed.
     tail_share : float
         Share of an obstacle's points at either end that its box leaves out. Derived: one false
         match would make a box as deep as the scene.
@@ -74,7 +74,7 @@ class ResultParameters:
     grid_extent_m: float = 10.0
     speck_share: float = 0.0025
     min_obstacle_px: int = 12
-    outline_px: int = 2
+    outline_px: int = 4
     tail_share: float = 0.02
     rim_reach_px: int = 8
     rim_share: float = 0.7

@@ -162,12 +162,6 @@ def rough_ground(terrain: Terrain, obstacles: Mask, parameters: TerrainParameter
     return found & usable
 
 
-def known_heights(terrain: Terrain, parameters: TerrainParameters) -> Mask:
-    """Find the pixels whose height is known well enough that a step would show."""
-    quiet = terrain.noise_m < parameters.max_noise_share * parameters.max_step_m
-    return np.asarray(terrain.measured & quiet)
-
-
 def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     """Find what is far higher than the ground can be estimated wrongly: walls, trees, vehicles.
 
@@ -189,17 +183,6 @@ def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     height_m = rows * np.bincount(owner) / np.maximum(scale, 1e-6)
     large = height_m > parameters.min_wall_share * parameters.min_wall_m
     return marked(high.shape, pixels[large[owner]])
-
-
-def level_heights_known(terrain: Terrain, parameters: TerrainParameters) -> Mask:
-    """Find the pixels that are known to lie within a step of the local ground.
-
-    What is measured higher or lower is never free, also where no cue makes it an obstacle.
-    """
-    noise_m = parameters.certain_noises * terrain.noise_m
-    with np.errstate(invalid='ignore'):
-        within = np.abs(terrain.height_m) < parameters.max_step_m + noise_m
-    return np.asarray(within & known_heights(terrain, parameters))
 
 
 def _quiet(terrain: Terrain, parameters: TerrainParameters) -> Mask:

@@ -117,6 +117,14 @@ class TerrainParameters:
         standard deviations are a step.
     max_ground_noise_share : float
         The same for slope and drop, which average over many pixels.
+    relief_window_px : int
+        Side of the window in which heights must agree to be free. Derived: the narrowest window of
+        the refinement, within which pixels share their noise.
+    max_relief_share : float
+        Their standard deviation relative to `max_step_m` up to which they agree: half of it is
+        that of a step half as high across the middle. Chosen with all suites in view.
+    relief_noises : float
+        The same in standard deviations of the height, most of which those pixels share.
     border_reach_m : float
         Distance to which a slope continues into the left border.
     min_wall_m : float
@@ -188,6 +196,9 @@ class TerrainParameters:
     roughness_scale_m: float = 0.25
     max_noise_share: float = 0.5
     max_ground_noise_share: float = 1.5
+    relief_window_px: int = 9
+    max_relief_share: float = 0.13
+    relief_noises: float = 0.5
     border_reach_m: float = 0.35
     min_wall_m: float = 0.5
     min_wall_share: float = 0.5

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from relief import PARAMETERS, PosedCamera, bank, block, flat, tilted, together
+from relief import PARAMETERS, PosedCamera, bank, block, flat, terrain_of, tilted, together
 
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
@@ -13,14 +13,12 @@ from rover_obstacle_detection.detection.terrain import hazards as module
 from rover_obstacle_detection.detection.terrain.elevation_map import map_positions
 from rover_obstacle_detection.detection.terrain.hazards import (
     dropping_ground,
-    known_heights,
     large_slopes,
-    level_heights_known,
     rough_ground,
     steep_ground,
     tall,
 )
-from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
+from rover_obstacle_detection.detection.terrain.terrain import Layer
 
 POSED = PosedCamera(pitch_deg=40.0, height_m=1.5)
 
@@ -250,11 +248,6 @@ def test_specks_are_no_large_slopes_and_not_joined():
     assert not large_slopes(np.zeros_like(specks), PARAMETERS).any()
 
 
-def terrain_of(height_m, noise_m, layers=()):
-    noise_m = np.broadcast_to(np.float32(noise_m), height_m.shape)
-    return Terrain(height_m, noise_m, np.ones_like(height_m), np.full_like(height_m, 100), layers)
-
-
 def rough(heights_m, *, noise_m=0.001, rocks=None, **parameters):
     """Rough pixels of level ground seen from above, 1 cm apart on cells of 4 cm."""
     height_m = np.asarray(heights_m, np.float32)
@@ -316,29 +309,6 @@ def test_a_single_pixel_of_a_cell_tells_how_rough_it_is():
     rocks[::4, ::4] = False
     found = rough(np.full((200, 200), 0.07), max_roughness_m=0.05, rocks=rocks)
     np.testing.assert_array_equal(found, ~rocks)
-
-
-def test_height_is_known_where_a_step_would_show():
-    height_m = np.array([0, 0, 0, 0.5, np.nan], np.float32)
-    noise_m = np.array([0.001, 0.049, 0.051, np.inf, 0.001], np.float32)
-    terrain = terrain_of(height_m, noise_m)
-    assert known_heights(terrain, PARAMETERS).tolist() == [True, True, False, False, False]
-    higher = replace(PARAMETERS, max_step_m=0.2)
-    assert known_heights(terrain, higher).tolist() == [True, True, True, False, False]
-
-
-def test_what_is_measured_beyond_a_step_is_not_known_to_be_level():
-    height_m = np.array([0, 0.099, -0.099, 0.105, 0.2, -0.2, 0.12, 0.12, np.nan], np.float32)
-    noise_m = np.array([0, 0, 0, 0.002, 0.002, 0.002, 0.006, 0.007, 0.001], np.float32)
-    found = level_heights_known(terrain_of(height_m, noise_m), PARAMETERS)
-    assert found.tolist() == [True, True, True, True, False, False, False, True, False]
-    higher = replace(PARAMETERS, max_step_m=0.21)
-    assert level_heights_known(terrain_of(height_m, noise_m), higher)[:-1].all()
-
-
-def test_a_level_height_is_known_if_a_step_would_show():
-    noisy = terrain_of(np.zeros(2, np.float32), np.array([0.049, 0.051], np.float32))
-    assert level_heights_known(noisy, PARAMETERS).tolist() == [True, False]
 
 
 def patches_of(heights_m, noises_m=0.0):
