@@ -51,13 +51,17 @@ def uneven(terrain: Terrain, obstacles: Mask, parameters: TerrainParameters) -> 
     ndarray of bool, shape (height, width)
     """
     p = parameters
-    window = (p.relief_window_px,) * 2
-    counted = terrain.measured & ~obstacles
-    height_m = np.where(counted, terrain.height_m, np.float32(0))
+    # Neighbours share their noise, so every second row and column shows as much.
+    every = np.s_[::2, ::2]
+    window = (p.relief_window_px // 2 | 1,) * 2
+    counted = terrain.measured[every] & ~obstacles[every]
+    height_m = np.where(counted, terrain.height_m[every], np.float32(0))
     count = cv2.boxFilter(counted.view(np.uint8), cv2.CV_32F, window, normalize=False)
     share = 1 / np.maximum(count, np.float32(1))
     mean_m = cv2.boxFilter(height_m, cv2.CV_32F, window, normalize=False) * share
     squares = cv2.sqrBoxFilter(height_m, cv2.CV_32F, window, normalize=False) * share
     relief_m = np.sqrt(np.maximum(squares - mean_m * mean_m, 0))
     limit_m = np.float32(p.max_relief_share * p.max_step_m)
-    return np.asarray(relief_m > limit_m + np.float32(p.relief_noises) * terrain.noise_m)
+    found = relief_m > limit_m + np.float32(p.relief_noises) * terrain.noise_m[every]
+    size = obstacles.shape[::-1]
+    return cv2.resize(found.view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
