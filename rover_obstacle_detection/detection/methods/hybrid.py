@@ -83,8 +83,8 @@ def detect_hybrid(
         # Nothing in view can be ground, so all that is seen stands in the way.
         found[Cue.SLOPE] = terrain.measured
     # The ground may fall with a brim from as far as slopes are smoothed beyond its edge.
-    doubtful = sparse | brims.beyond() | brims.edge(p.terrain.brims, 2)
-    doubtful |= brims.beside(p.terrain.brims) | maybe_steep | maybe_dropped
+    doubtful = sparse | brims.beyond() | brims.near(p.terrain.brims)
+    doubtful |= maybe_steep | maybe_dropped
     doubtful |= rocks.possible(p.rocks)
     detection = decided(found, ~doubtful, stereo, terrain, rocks, p)
     detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))

@@ -89,11 +89,15 @@ class BrimParameters:
         Ground before a brim that is marked, and least rows of it. Derived: the finest scale at
         which slopes are measured, where the ground falls with the brim; a planner needs some
         points to see it.
+    possible_share : float
+        Visible fall of a possible brim over the step: what is hidden behind it may lie deeper.
+        Chosen with all suites in view.
     max_gap_m : float
         Distance over which brims in neighbouring columns are one. Derived: a wheel base.
     noises, pixel_noises : float
         Standard deviations by which the mean fall of a brim, and the fall at each of its pixels,
-        exceeds the step. Derived: the usual three; the second only keeps out most of the noise.
+        exceed the least fall. Derived: the usual three; the second only keeps out most of the
+        noise.
     shared_px : float
         Columns of a brim that share their noise. Derived: the widest window of the refinement.
     min_hidden_share : float
@@ -129,6 +133,7 @@ class BrimParameters:
     blur_px: int = 1
     edge_m: float = 0.14
     edge_px: int = 2
+    possible_share: float = 0.5
     max_gap_m: float = 0.7
     noises: float = 3.0
     pixel_noises: float = 1.0

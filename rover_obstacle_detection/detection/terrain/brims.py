@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.brim_parameters import BrimParameters
 from rover_obstacle_detection.detection.terrain.jumps import (
+    Jumps,
     find_jumps,
     one_in_each_fall,
     whole_brims,
 )
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
-from rover_obstacle_detection.detection.terrain.surface import Surface
+from rover_obstacle_detection.detection.terrain.surface import Nearest, Surface
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -27,7 +28,7 @@ Rows = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Brims:
-    """Where the ground ends.
+    """Where the ground ends, or may end.
 
     Parameters
     ----------
@@ -35,8 +36,10 @@ class Brims:
         The last pixel of the ground before each brim.
     drop_rows : ndarray of int, shape (n,)
         Row of each brim: above it in its column lies what is behind.
+    deep : ndarray of bool, shape (n,)
+        Brims over which the ground is seen to fall by more than a step.
     sure : ndarray of bool, shape (n,)
-        Brims that are seen steeply enough to tell them from the crest of gentle ground.
+        Deep brims that are seen steeply enough to tell them from the crest of gentle ground.
     level_m : ndarray of float32, shape (n,)
         Height of the ground at each brim, metres.
     edge_rows : ndarray of int, shape (n,)
@@ -48,6 +51,7 @@ class Brims:
     rows: Rows
     columns: Rows
     drop_rows: Rows
+    deep: Mask
     sure: Mask
     level_m: Image
     edge_rows: Rows
@@ -62,46 +66,56 @@ class Brims:
         reach = np.ones((2 * parameters.reach_px + 1,) * 2, np.uint8)
         reach[: parameters.reach_px] = 0
         around = cv2.dilate(obstacles.astype(np.uint8), reach) > 0
-        kept = ~around[self.rows, self.columns]
+        return self.among(~around[self.rows, self.columns])
+
+    def among(self, chosen: Mask) -> Brims:
+        """Return some of the brims."""
         return replace(
             self,
-            rows=self.rows[kept],
-            columns=self.columns[kept],
-            drop_rows=self.drop_rows[kept],
-            sure=self.sure[kept],
-            level_m=self.level_m[kept],
-            edge_rows=self.edge_rows[kept],
+            rows=self.rows[chosen],
+            columns=self.columns[chosen],
+            drop_rows=self.drop_rows[chosen],
+            deep=self.deep[chosen],
+            sure=self.sure[chosen],
+            level_m=self.level_m[chosen],
+            edge_rows=self.edge_rows[chosen],
         )
 
-    def edge(self, parameters: BrimParameters, lengths: int = 1) -> Mask:
-        """Mark the last of the ground before each sure brim, shape (height, width).
+    def edge(self, parameters: BrimParameters) -> Mask:
+        """Mark the last of the ground before each sure brim, shape (height, width)."""
+        return self._before(self.sure, 1, parameters)
 
-        Parameters
-        ----------
-        parameters : BrimParameters
-        lengths : int
-            How many times ``edge_m`` of the ground is marked.
+    def near(self, parameters: BrimParameters) -> Mask:
+        """Mark the ground that is never free, shape (height, width).
+
+        It is twice as long before each brim as its edge. Beside a brim that runs along the view,
+        it is as wide as the edge.
         """
-        sure, blur = self.sure, parameters.blur_px
+        every = np.ones_like(self.sure)
+        return self._before(every, 2, parameters) | self._beside(parameters)
+
+    def _before(self, chosen: Mask, lengths: int, parameters: BrimParameters) -> Mask:
+        """Mark so many times ``edge_m`` of the ground before the chosen brims."""
+        blur = parameters.blur_px
         height, width = self.surface.height_m.shape
-        if not sure.any():
+        if not chosen.any():
             return np.zeros((height, width), np.bool_)
         # One more at the first row of each edge and one less after its last: sums count edges.
         change = np.zeros((height + 1, width), np.int16)
-        rows, columns = self.rows[sure], self.columns[sure]
+        rows, columns = self.rows[chosen], self.columns[chosen]
         np.add.at(change, (np.maximum(rows - blur, 0), columns), 1)
-        after = np.minimum(rows + lengths * self.edge_rows[sure] + 1, len(change) - 1)
+        after = np.minimum(rows + lengths * self.edge_rows[chosen] + 1, len(change) - 1)
         np.add.at(change, (after, columns), -1)
         return np.asarray(np.cumsum(change[:-1], axis=0, dtype=np.int16) > 0)
 
-    def beside(self, parameters: BrimParameters) -> Mask:
-        """Mark the ground beside sure brims that run along the view, shape (height, width).
+    def _beside(self, parameters: BrimParameters) -> Mask:
+        """Mark the ground beside brims that run along the view.
 
         From one column to the next, such a brim goes on over many rows.
         """
         height, width = self.surface.height_m.shape
         beside = np.zeros((height, width), np.uint8)
-        columns, rows = self.columns[self.sure], self.rows[self.sure]
+        rows, columns = self.rows, self.columns
         brim = self.surface.points(rows, columns)
         reach = np.minimum(np.rint(parameters.edge_m * brim.columns_per_metre), width)
         first, second = _neighbours(rows, columns, parameters.reach_px)
@@ -114,26 +128,27 @@ class Brims:
         return beside > 0
 
     def beyond(self) -> Mask:
-        """Mark the pixels behind a brim that lie lower than the rover can step.
+        """Mark the pixels behind a deep brim that lie lower than the rover can step.
 
         Returns
         -------
         ndarray of bool, shape (height, width)
         """
         found = np.zeros(self.surface.height_m.shape, np.bool_)
-        if not self.rows.size:
+        deep = self.among(self.deep)
+        if not deep.rows.size:
             return found
         # Only what is above a brim in the image can be behind it.
-        columns, column = np.unique(self.columns, return_inverse=True)
-        last = int(self.drop_rows.max())
+        columns, column = np.unique(deep.columns, return_inverse=True)
+        last = int(deep.drop_rows.max())
         above = np.s_[: last + 1, columns]
         height_m, limit_m = self.surface.height_m[above], self.surface.limit_m(above)
         # Row of the nearest brim below each pixel, counted from the last.
         nearest = np.full(height_m.shape, -1, np.intp)
-        nearest[self.drop_rows, column] = last - self.drop_rows
+        nearest[deep.drop_rows, column] = last - deep.drop_rows
         nearest = np.maximum.accumulate(nearest[::-1], axis=0)[::-1]
         level_m = np.full_like(height_m, np.nan)
-        level_m[self.drop_rows, column] = self.level_m
+        level_m[deep.drop_rows, column] = deep.level_m
         level_m = np.take_along_axis(level_m, last - np.maximum(nearest, 0), axis=0)
         with np.errstate(invalid='ignore'):
             found[above] = (nearest >= 0) & (height_m < level_m - limit_m)
@@ -159,24 +174,32 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     p = parameters.brims
     surface = Surface(stereo, parameters)
     below, above = surface.nearest()
-    jumps = whole_brims(find_jumps(surface, below, above, parameters), surface.height_m.shape, p)
-    drop_rows, columns = one_in_each_fall(jumps.rows, jumps.columns, 2 * p.reach_px)
-    rows = below.rows[_below_jump(drop_rows, p, len(surface.height_m)), columns]
-    # Where rows have no match, several jumps show the same brim.
+    jumps = find_jumps(surface, below, above, parameters)
+    found = [
+        _places(whole_brims(jumps, least_m, surface.height_m.shape, p), below, p)
+        for least_m in (parameters.max_step_m, p.possible_share * parameters.max_step_m)
+    ]
+    rows, columns, drop_rows = np.concatenate(found, axis=1)
+    deep = np.arange(rows.size) < found[0].shape[1]
+    # Several jumps may show the same brim. The first that does may be deep.
     _, once = np.unique(columns * len(surface.height_m) + rows, return_index=True)
-    rows, columns, drop_rows = rows[once], columns[once], drop_rows[once]
+    rows, columns, drop_rows, deep = (each[once] for each in (rows, columns, drop_rows, deep))
     brim = surface.points(rows, columns)
-    sure = brim.sight > math.tan(math.radians(p.min_sure_sight_deg))
+    sure = deep & (brim.sight > math.tan(math.radians(p.min_sure_sight_deg)))
     # Where matching blurs the ground just before it, a brim looks like a crest.
     rows_per_metre = surface.rows_per_metre(brim)
     sure &= p.before_m * rows_per_metre > p.reach_px
     edge_rows = np.maximum(np.rint(p.edge_m * rows_per_metre), p.edge_px).astype(np.intp)
-    return Brims(rows, columns, drop_rows, sure, brim.height_m, edge_rows, surface)
+    return Brims(rows, columns, drop_rows, deep, sure, brim.height_m, edge_rows, surface)
 
 
-def _below_jump(drop_rows: Rows, parameters: BrimParameters, height: int) -> Rows:
-    """Rows from which the nearest match downwards lies on the ground before a jump."""
-    return np.asarray(np.minimum(drop_rows + parameters.reach_px, height - 1))
+def _places(jumps: Jumps, below: Nearest, parameters: BrimParameters) -> Rows:
+    """Rows and columns of the last ground before each fall, and rows of the falls."""
+    p = parameters
+    drop_rows, columns = one_in_each_fall(jumps.rows, jumps.columns, 2 * p.reach_px)
+    # The nearest match downwards lies on the ground before a jump.
+    start = np.minimum(drop_rows + p.reach_px, len(below.rows) - 1)
+    return np.stack((below.rows[start, columns], columns, drop_rows)).astype(np.intp)
 
 
 def _neighbours(rows: Rows, columns: Rows, reach_px: int) -> tuple[Rows, Rows]:

@@ -25,8 +25,8 @@ class Jumps(NamedTuple):
     ----------
     rows, columns : ndarray of int
         Between the point before the gap and the point behind it.
-    excess_m : ndarray of float32
-        How much farther than a step the ground falls.
+    fall_m : ndarray of float32
+        How far the ground falls.
     noise_m : ndarray of float32
         Standard deviation of that.
     grazing : ndarray of float32
@@ -37,7 +37,7 @@ class Jumps(NamedTuple):
 
     rows: Rows
     columns: Rows
-    excess_m: Image
+    fall_m: Image
     noise_m: Image
     grazing: Image
     along_m: Image
@@ -53,6 +53,8 @@ def find_jumps(
 ) -> Jumps:
     """Find two points of which the upper one is lower, with hidden ground in between.
 
+    What is seen to fall by less than a step may be deeper where it is hidden.
+
     Parameters
     ----------
     surface : Surface
@@ -65,18 +67,16 @@ def find_jumps(
     # NaN compares as false.
     end = max(len(surface.height_m) - span, 0)
     fall_m = next_below.height_m[span:] - next_above.height_m[:end]
-    rows, columns = np.nonzero(fall_m > parameters.max_step_m)
+    rows, columns = np.nonzero(fall_m > p.possible_share * parameters.max_step_m)
     below, above = next_below.rows[rows + span, columns], next_above.rows[rows, columns]
     near, far = surface.points(below, columns), surface.points(above, columns)
     fallen_m = fall_m[rows, columns]
-    excess_m = fallen_m - np.float32(parameters.max_step_m)
     noise_m = np.hypot(near.noise_m, far.noise_m)
     rise = _rise_before(surface, near, below, columns, p.before_m)
     # On stairs, another step may be nearer than that. What is not seen is not level.
     just_before = np.minimum(_rise_before(surface, near, below, columns, p.just_before_m), 0)
     grazing = -np.fmax(rise, just_before) / np.maximum(near.sight, np.float32(1e-3))
     found = below - above <= span + p.max_unseen_px
-    found &= excess_m > p.pixel_noises * noise_m
     found &= fallen_m > p.min_hidden_share * near.sight * (far.along_m - near.along_m)
     found &= near.sight > math.tan(math.radians(p.min_sight_deg))
     with np.errstate(invalid='ignore'):
@@ -85,7 +85,7 @@ def find_jumps(
     return Jumps(
         rows + p.reach_px,
         columns,
-        excess_m,
+        fallen_m,
         noise_m,
         np.asarray(grazing, np.float32),
         near.along_m,
@@ -131,12 +131,16 @@ def _rise_before(
     return np.asarray((points.height_m - before.height_m) / run_m, np.float32)
 
 
-def whole_brims(jumps: Jumps, shape: tuple[int, ...], parameters: BrimParameters) -> Jumps:
+def whole_brims(
+    jumps: Jumps, least_m: float, shape: tuple[int, ...], parameters: BrimParameters
+) -> Jumps:
     """Join the jumps to brims, and keep the brims that are deep, abrupt and wide enough.
 
     Parameters
     ----------
     jumps : Jumps
+    least_m : float
+        Least fall of a brim, metres.
     shape : tuple of int
         Height and width of the image.
     parameters : BrimParameters
@@ -147,6 +151,7 @@ def whole_brims(jumps: Jumps, shape: tuple[int, ...], parameters: BrimParameters
     before a crest look level at some pixels, but seldom at most of them.
     """
     p = parameters
+    jumps = jumps.among(jumps.fall_m - least_m > p.pixel_noises * jumps.noise_m)
     if not jumps.rows.size:
         return jumps
     reach, width = 2, shape[1]
@@ -165,7 +170,7 @@ def whole_brims(jumps: Jumps, shape: tuple[int, ...], parameters: BrimParameters
     np.maximum.at(right, part, np.minimum(jumps.columns + reach, width - 1))
     columns = np.maximum(right - left + 1, 1)
     samples = np.maximum(columns / p.shared_px, 1)
-    kept = mean(jumps.excess_m) > p.noises * mean(jumps.noise_m) / np.sqrt(samples)
+    kept = mean(jumps.fall_m) - least_m > p.noises * mean(jumps.noise_m) / np.sqrt(samples)
     kept &= _medians(jumps.grazing, part, count) < p.max_grazing_share
     width_m = columns / np.maximum(mean(jumps.columns_per_metre), 1e-6)
     kept &= width_m >= np.maximum(p.min_width_m, p.min_width_share * mean(jumps.along_m))

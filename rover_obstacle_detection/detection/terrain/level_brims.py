@@ -36,17 +36,16 @@ class AllBrims:
         """Return the brims that are no rims of the given obstacles: see `Brims.not_on`."""
         return AllBrims(tuple(each.not_on(obstacles, parameters) for each in self.parts))
 
-    def edge(self, parameters: BrimParameters, lengths: int = 1) -> Mask:
+    def edge(self, parameters: BrimParameters) -> Mask:
         """Mark the last of the ground before each sure brim: see `Brims.edge`."""
-        edges = [each.edge(parameters, lengths) for each in self.parts]
-        return np.asarray(np.logical_or.reduce(edges))
+        return np.asarray(np.logical_or.reduce([each.edge(parameters) for each in self.parts]))
 
-    def beside(self, parameters: BrimParameters) -> Mask:
-        """Mark the ground beside sure brims that run along the view: see `Brims.beside`."""
-        return np.asarray(np.logical_or.reduce([each.beside(parameters) for each in self.parts]))
+    def near(self, parameters: BrimParameters) -> Mask:
+        """Mark the ground near brims that is never free: see `Brims.near`."""
+        return np.asarray(np.logical_or.reduce([each.near(parameters) for each in self.parts]))
 
     def beyond(self) -> Mask:
-        """Mark the pixels behind a brim that lie lower than the rover can step."""
+        """Mark the pixels behind a deep brim that lie lower than the rover can step."""
         return np.asarray(np.logical_or.reduce([each.beyond() for each in self.parts]))
 
 

@@ -39,19 +39,19 @@ def test_without_jumps_none_is_kept():
     assert all(each.size == 0 for each in one_in_each_fall(nothing, nothing, 8))
 
 
-def jumps_at(columns, excess_m=1.0, noise_m=0.0, grazing=0.0):
+def jumps_at(columns, fall_m=1.0, noise_m=0.0, grazing=0.0):
     """Jumps in one row, 2 m ahead, where a metre has 200 columns."""
 
     def each(value):
         return np.broadcast_to(np.float32(value), columns.shape)
 
     rows = np.full(columns.size, 15)
-    return Jumps(rows, columns, each(excess_m), each(noise_m), each(grazing), each(2), each(200))
+    return Jumps(rows, columns, each(fall_m), each(noise_m), each(grazing), each(2), each(200))
 
 
-def kept_of(jumps, **changes):
+def kept_of(jumps, least_m=0.0, **changes):
     p = replace(PARAMETERS.brims, min_width_share=0.0, **changes)
-    return whole_brims(jumps, (30, 200), p).columns.tolist()
+    return whole_brims(jumps, least_m, (30, 200), p).columns.tolist()
 
 
 @pytest.mark.parametrize(
@@ -88,3 +88,10 @@ def test_brims_apart_are_judged_apart():
     deep, shallow = np.arange(20, 60), np.arange(80, 120)
     jumps = jumps_at(np.concatenate((deep, shallow)), np.repeat([0.1, 0.01], 40), 0.02)
     assert kept_of(jumps, min_width_m=0.0) == deep.tolist()
+
+
+def test_the_fall_of_a_brim_counts_over_the_least_one():
+    across = np.arange(20, 50)
+    jumps = jumps_at(across, 0.1, 0.01)
+    assert kept_of(jumps, 0.069, min_width_m=0.0) == across.tolist()
+    assert kept_of(jumps, 0.071, min_width_m=0.0) == []
