@@ -71,26 +71,27 @@ def find_jumps(
     below, above = next_below.rows[rows + span, columns], next_above.rows[rows, columns]
     near, far = surface.points(below, columns), surface.points(above, columns)
     fallen_m = fall_m[rows, columns]
-    noise_m = np.hypot(near.noise_m, far.noise_m)
+    hidden = below - above <= span + p.max_unseen_px
+    hidden &= fallen_m > p.min_hidden_share * near.sight * (far.along_m - near.along_m)
+    hidden &= near.sight > math.tan(math.radians(p.min_sight_deg))
+    rows, columns, below = rows[hidden], columns[hidden], below[hidden]
+    fallen_m, near, far = fallen_m[hidden], near.among(hidden), far.among(hidden)
     rise = _rise_before(surface, near, below, columns, p.before_m)
     # On stairs, another step may be nearer than that. What is not seen is not level.
     just_before = np.minimum(_rise_before(surface, near, below, columns, p.just_before_m), 0)
     grazing = -np.fmax(rise, just_before) / np.maximum(near.sight, np.float32(1e-3))
-    found = below - above <= span + p.max_unseen_px
-    found &= fallen_m > p.min_hidden_share * near.sight * (far.along_m - near.along_m)
-    found &= near.sight > math.tan(math.radians(p.min_sight_deg))
     with np.errstate(invalid='ignore'):
-        found &= rise < math.tan(math.radians(p.max_rise_deg))
-        found &= grazing < p.max_pixel_grazing_share
+        abrupt = rise < math.tan(math.radians(p.max_rise_deg))
+        abrupt &= grazing < p.max_pixel_grazing_share
     return Jumps(
         rows + p.reach_px,
         columns,
         fallen_m,
-        noise_m,
+        np.hypot(near.noise_m, far.noise_m),
         np.asarray(grazing, np.float32),
         near.along_m,
         near.columns_per_metre,
-    ).among(found)
+    ).among(abrupt)
 
 
 def one_in_each_fall(rows: Rows, columns: Rows, length: int) -> tuple[Rows, Rows]:

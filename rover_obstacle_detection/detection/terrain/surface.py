@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,8 +100,7 @@ class Surface:
         return np.float32(p.max_step_m) + np.float32(p.brims.noises) * noise_m
 
 
-@dataclass(frozen=True, eq=False)
-class Points:
+class Points(NamedTuple):
     """Places over the ground plane, each of shape (n,)."""
 
     height_m: Image
@@ -110,6 +108,10 @@ class Points:
     noise_m: Image
     descent_m: Image
     columns_per_metre: Image
+
+    def among(self, chosen: NDArray[np.bool_]) -> Points:
+        """Return some of the points."""
+        return Points(*(each[chosen] for each in self))
 
     @property
     def sight(self) -> Image:
