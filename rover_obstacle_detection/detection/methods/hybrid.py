@@ -63,7 +63,7 @@ def detect_hybrid(
     finished('height')
     rocks = outlined_rocks(stereo, terrain, standing, p.rocks, stages.outlines)
     finished('outlines')
-    brims = brims.not_on(rocks.high, p.terrain.brims)
+    brims = brims.not_on(rocks.high, p.terrain.brims).doubted(sparse, p.terrain.brims)
     dropped |= brims.edge(p.terrain.brims)
     rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
     finished('roughness')
@@ -82,7 +82,7 @@ def detect_hybrid(
     if not stereo.ground.measured:
         # Nothing in view can be ground, so all that is seen stands in the way.
         found[Cue.SLOPE] = terrain.measured
-    # The ground may fall with a brim from as far as slopes are smoothed beyond its edge.
+    # Smoothing spreads the fall at a brim into the ground before it, beyond the marked edge.
     doubtful = sparse | brims.beyond() | brims.near(p.terrain.brims)
     doubtful |= maybe_steep | maybe_dropped
     doubtful |= rocks.possible(p.rocks)

@@ -90,8 +90,12 @@ class BrimParameters:
         which slopes are measured, where the ground falls with the brim; a planner needs some
         points to see it.
     possible_share : float
-        Visible fall of a possible brim over the step: what is hidden behind it may lie deeper.
-        Chosen with all suites in view.
+        Visible fall from which a brim is possible, as a share of the step: what is hidden behind
+        it may lie deeper. Chosen with all suites in view.
+    support_px, max_sparse_share : int, float
+        Rows before a brim at which the ground is checked for sparse matches, and share of the brim
+        from which it is not sure. Derived: half of the window in which support is counted, so that
+        the gap behind the brim does not count; most of the brim.
     max_gap_m : float
         Distance over which brims in neighbouring columns are one. Derived: a wheel base.
     noises, pixel_noises : float
@@ -134,6 +138,8 @@ class BrimParameters:
     edge_m: float = 0.14
     edge_px: int = 2
     possible_share: float = 0.5
+    support_px: int = 12
+    max_sparse_share: float = 0.5
     max_gap_m: float = 0.7
     noises: float = 3.0
     pixel_noises: float = 1.0

@@ -39,7 +39,8 @@ class Brims:
     deep : ndarray of bool, shape (n,)
         Brims over which the ground is seen to fall by more than a step.
     sure : ndarray of bool, shape (n,)
-        Deep brims that are seen steeply enough to tell them from the crest of gentle ground.
+        Deep brims that are seen steeply, and in rows, enough to tell them from the crest of gentle
+        ground.
     level_m : ndarray of float32, shape (n,)
         Height of the ground at each brim, metres.
     edge_rows : ndarray of int, shape (n,)
@@ -68,6 +69,23 @@ class Brims:
         around = cv2.dilate(obstacles.astype(np.uint8), reach) > 0
         return self.among(~around[self.rows, self.columns])
 
+    def doubted(self, sparse: Mask, parameters: BrimParameters) -> Brims:
+        """Return the same brims, not sure where most of the ground before one is sparse.
+
+        Where chance supports matches, noise makes brims of any depth.
+
+        Parameters
+        ----------
+        sparse : ndarray of bool, shape (height, width)
+        parameters : BrimParameters
+        """
+        before = np.minimum(self.rows + parameters.support_px, len(sparse) - 1)
+        _, labels = cv2.connectedComponents(self.edge(parameters).astype(np.uint8))
+        part = np.asarray(labels)[self.rows, self.columns]
+        pixels = np.bincount(part)
+        share = np.bincount(part, weights=sparse[before, self.columns]) / np.maximum(pixels, 1)
+        return replace(self, sure=self.sure & (share < parameters.max_sparse_share)[part])
+
     def among(self, chosen: Mask) -> Brims:
         """Return some of the brims."""
         return replace(
@@ -95,7 +113,7 @@ class Brims:
         return self._before(every, 2, parameters) | self._beside(parameters)
 
     def _before(self, chosen: Mask, lengths: int, parameters: BrimParameters) -> Mask:
-        """Mark so many times ``edge_m`` of the ground before the chosen brims."""
+        """Mark ``lengths`` times the edge rows of the ground before the chosen brims."""
         blur = parameters.blur_px
         height, width = self.surface.height_m.shape
         if not chosen.any():
@@ -181,7 +199,7 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     ]
     rows, columns, drop_rows = np.concatenate(found, axis=1)
     deep = np.arange(rows.size) < found[0].shape[1]
-    # Several jumps may show the same brim. The first that does may be deep.
+    # Several jumps may show the same brim. Deep ones come first, so `np.unique` keeps them.
     _, once = np.unique(columns * len(surface.height_m) + rows, return_index=True)
     rows, columns, drop_rows, deep = (each[once] for each in (rows, columns, drop_rows, deep))
     brim = surface.points(rows, columns)

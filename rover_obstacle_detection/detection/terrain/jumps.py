@@ -51,9 +51,9 @@ class Jumps(NamedTuple):
 def find_jumps(
     surface: Surface, next_below: Nearest, next_above: Nearest, parameters: TerrainParameters
 ) -> Jumps:
-    """Find two points of which the upper one is lower, with hidden ground in between.
+    """Find pairs of points of which the upper is lower, with the ground between them hidden.
 
-    What is seen to fall by less than a step may be deeper where it is hidden.
+    A fall from ``possible_share`` of a step counts: it may be deeper where it is hidden.
 
     Parameters
     ----------

@@ -13,10 +13,10 @@ Mask = NDArray[np.bool_]
 
 
 def level_ground(terrain: Terrain, parameters: TerrainParameters) -> Mask:
-    """Find the pixels that are known to lie within a step of the local ground.
+    """Find the pixels that lie within a step of the local ground, as far as noise lets one tell.
 
-    Noise must be so low that a step would show. What is measured higher or lower is never free,
-    also where no cue makes it an obstacle.
+    Noise must be so low that a step would show. What is measured to lie beyond a step, by more
+    than noise, is never free, also where no cue makes it an obstacle.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def uneven(terrain: Terrain, obstacles: Mask, parameters: TerrainParameters) -> 
     p = parameters
     # Neighbours share their noise, so every second row and column shows as much.
     every = np.s_[::2, ::2]
-    window = (p.relief_window_px // 2 | 1,) * 2
+    window = (2 * (p.relief_window_px // 4) + 1,) * 2
     counted = terrain.measured[every] & ~obstacles[every]
     height_m = np.where(counted, terrain.height_m[every], np.float32(0))
     count = cv2.boxFilter(counted.view(np.uint8), cv2.CV_32F, window, normalize=False)

@@ -36,6 +36,10 @@ class AllBrims:
         """Return the brims that are no rims of the given obstacles: see `Brims.not_on`."""
         return AllBrims(tuple(each.not_on(obstacles, parameters) for each in self.parts))
 
+    def doubted(self, sparse: Mask, parameters: BrimParameters) -> AllBrims:
+        """Return the same brims, not sure before sparse ground: see `Brims.doubted`."""
+        return AllBrims(tuple(each.doubted(sparse, parameters) for each in self.parts))
+
     def edge(self, parameters: BrimParameters) -> Mask:
         """Mark the last of the ground before each sure brim: see `Brims.edge`."""
         return np.asarray(np.logical_or.reduce([each.edge(parameters) for each in self.parts]))

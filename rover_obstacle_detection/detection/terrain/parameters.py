@@ -118,13 +118,16 @@ class TerrainParameters:
     max_ground_noise_share : float
         The same for slope and drop, which average over many pixels.
     relief_window_px : int
-        Side of the window in which heights must agree to be free. Derived: the narrowest window of
-        the refinement, within which pixels share their noise.
+        Side of the window in which heights must agree to be free, four pixels and one more or a
+        multiple of it. Derived: the narrowest window of the refinement, within which pixels share
+        their noise.
     max_relief_share : float
-        Their standard deviation relative to `max_step_m` up to which they agree: half of it is
-        that of a step half as high across the middle. Chosen with all suites in view.
+        Standard deviation of these heights up to which they agree, as a share of `max_step_m`.
+        About half of what a step half as high makes across the middle. Chosen with all suites in
+        view.
     relief_noises : float
-        The same in standard deviations of the height, most of which those pixels share.
+        What is added to that limit, in standard deviations of the height noise. Derived: pixels in
+        the window share most of it.
     border_reach_m : float
         Distance to which a slope continues into the left border.
     min_wall_m : float

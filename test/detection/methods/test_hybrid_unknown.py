@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from hybrid_runs import BLOCK, detect, flagged
@@ -47,6 +48,14 @@ def test_pixels_are_known_where_noise_would_not_hide_a_step():
     assert not found.known[high].any()
     careless, _ = detect(mast(solids=BLOCK), max_step=0.2)
     assert careless.known.mean() > found.known.mean()
+
+
+def test_ground_is_free_from_four_pixels_beside_an_obstacle():
+    found, _ = detect(mast(solids=BLOCK))
+    assert found.mask.any()
+    distance_px = cv2.distanceTransform((found.mask == 0).astype(np.uint8), cv2.DIST_L2, 5)
+    nearest = distance_px[found.known & (found.mask == 0)].min()
+    assert 4 < nearest < 6
 
 
 @pytest.mark.parametrize('pitch_deg', [5.0, 15.0, 25.0])

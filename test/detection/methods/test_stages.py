@@ -12,7 +12,9 @@ from synthetic import Box, Dome, mast, render
 from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.result.cue import Cue
+from rover_obstacle_detection.detection.terrain.brims import Brims
 from rover_obstacle_detection.detection.terrain.slope import Hazard
+from rover_obstacle_detection.detection.terrain.surface import Surface
 
 SCENE = mast(solids=(Box(0.35, 1.4, 0.25, 0.25, 0.22), Dome(-0.3, 1.0, 0.2)), solid_brightness=0.3)
 NAMES = [each.name for each in fields(HybridStages)]
@@ -101,3 +103,34 @@ def test_outlines_are_those_that_are_drawn():
     found = detect(HYBRID_STAGES), detect(replace(HYBRID_STAGES, outlines=nothing))
     # The brim of the block's top stays: below it, the ground is lower than a step.
     assert [bool((each.cues & Cue.HEIGHT).any()) for each in found] == [True, False]
+
+
+def test_ground_near_a_possible_brim_is_not_free():
+    rows, columns = np.full(100, 150), np.arange(100, 200)
+    no = np.zeros(100, bool)
+
+    def brims(stereo, parameters):
+        surface = Surface(stereo, parameters)
+        level_m = np.zeros(100, np.float32)
+        return Brims(rows, columns, rows, no, no, level_m, np.full(100, 5), surface)
+
+    whole, found = detect(HYBRID_STAGES), detect(replace(HYBRID_STAGES, brims=brims))
+    np.testing.assert_array_equal(found.mask, whole.mask)
+    before = np.s_[150:160, 100:200]
+    free = whole.known[before] & (whole.mask[before] == 0)
+    assert free.mean() > 0.3
+    assert not (found.known[before] & free).any()
+
+
+def test_uneven_ground_is_not_free():
+    def rippled(*arguments):
+        terrain = HYBRID_STAGES.survey(*arguments)
+        height_m = terrain.height_m.copy()
+        height_m[:, ::4] += 0.05
+        height_m[:, 1::4] += 0.05
+        return replace(terrain, height_m=height_m)
+
+    whole, found = detect(HYBRID_STAGES), detect(replace(HYBRID_STAGES, survey=rippled))
+    quiet = (whole.mask == 0) & (found.mask == 0) & (found.height_noise < 0.015)
+    assert whole.known[quiet].mean() > 0.5
+    assert not found.known[quiet].any()

@@ -12,12 +12,12 @@ from rover_obstacle_detection.detection.terrain.brims import Brims
 from rover_obstacle_detection.detection.terrain.level_brims import AllBrims
 
 
-def brims_at(surface, *places, level_m=0.0):
-    """Deep, sure brims with given rows, columns and numbers of rows in their edges."""
+def brims_at(surface, *places, level_m=0.0, deep=True, sure=True):
+    """Brims with given rows, columns and numbers of rows in their edges."""
     rows, columns, edge_rows = np.array(places).T
-    sure = np.ones(len(rows), bool)
+    are_deep, are_sure = (np.full(len(rows), each) for each in (deep, sure))
     levels_m = np.full(len(rows), level_m, np.float32)
-    return Brims(rows, columns, rows, sure, sure, levels_m, edge_rows, surface)
+    return Brims(rows, columns, rows, are_deep, are_sure, levels_m, edge_rows, surface)
 
 
 @pytest.mark.parametrize(
@@ -118,14 +118,47 @@ def test_brims_are_joined_to_the_nearest_of_the_next_column():
     ]
     brims = brims_at(surface, *steep)
     assert beside(brims)[15:75, 101].all()
-    no = np.zeros_like(brims.sure)
-    assert beside(replace(brims, sure=no, deep=no))[15:75, 101].all()
 
 
 def test_all_planes_show_ground_beside_brims():
     surface = surface_of(np.zeros((100, 200)))
     steep = [(20 + 30 * step, 100 + step, 2) for step in range(3)]
     none = brims_at(surface, (5, 5, 2))
-    both = AllBrims((none, brims_at(surface, *steep)))
+    some = brims_at(surface, *steep)
     assert not none.near(PARAMETERS.brims)[50, 120]
-    assert both.near(PARAMETERS.brims)[50, 120]
+    for parts in ((none, some), (some, none)):
+        assert AllBrims(parts).near(PARAMETERS.brims)[50, 120]
+
+
+@pytest.mark.parametrize(('deep', 'sure'), [(True, True), (True, False), (False, False)])
+def test_what_brims_mark_depends_on_how_sure_they_are(deep, sure):
+    surface = surface_of(np.full((60, 20), -0.15))
+    brims = brims_at(surface, *((30, column, 5) for column in range(20)), deep=deep, sure=sure)
+    assert np.flatnonzero(brims.edge(PARAMETERS.brims)[:, 10]).size == (7 if sure else 0)
+    assert np.flatnonzero(brims.near(PARAMETERS.brims)[:, 10]).tolist() == list(range(29, 41))
+    assert brims.beyond()[:31].all() == brims.beyond().any() == deep
+
+
+@pytest.mark.parametrize(('first', 'is_sure'), [(0, False), (9, False), (11, True)])
+def test_brims_before_mostly_sparse_ground_are_not_sure(first, is_sure):
+    p = PARAMETERS.brims
+    surface = surface_of(np.zeros((60, 40)))
+    # Two brims apart in the image. The ground before a part of the left one is sparse.
+    columns = [*range(20), *range(22, 40)]
+    brims = brims_at(surface, *((30, column, 3) for column in columns))
+    sparse = np.zeros((60, 40), bool)
+    sparse[30 + p.support_px, first:20] = True
+    doubted = brims.doubted(sparse, p)
+    assert doubted.sure[:20].all() == doubted.sure[:20].any() == is_sure
+    assert doubted.sure[20:].all()
+    assert doubted.deep.all()
+    assert AllBrims((doubted, brims)).doubted(sparse, p).parts[1].sure[0] == is_sure
+
+
+def test_at_the_end_of_the_image_the_last_row_tells_whether_ground_is_sparse():
+    sparse = np.zeros((20, 5), bool)
+    sparse[-1] = True
+    brims = brims_at(surface_of(np.zeros((20, 5))), *((18, column, 2) for column in range(5)))
+    assert not brims.doubted(sparse, PARAMETERS.brims).sure.any()
+    none = brims.among(~brims.sure)
+    assert not none.doubted(sparse, PARAMETERS.brims).sure.size

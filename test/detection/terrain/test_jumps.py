@@ -95,3 +95,10 @@ def test_the_fall_of_a_brim_counts_over_the_least_one():
     jumps = jumps_at(across, 0.1, 0.01)
     assert kept_of(jumps, 0.069, min_width_m=0.0) == across.tolist()
     assert kept_of(jumps, 0.071, min_width_m=0.0) == []
+
+
+def test_pixels_that_noise_could_make_belong_to_no_brim():
+    across = np.arange(20, 50)
+    noise_m = np.where(across % 2, 0.001, 0.03)
+    found = kept_of(jumps_at(across, 0.1, noise_m), 0.08, min_width_m=0.0)
+    assert found == across[across % 2 == 1].tolist()
