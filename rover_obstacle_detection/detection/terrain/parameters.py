@@ -118,9 +118,8 @@ class TerrainParameters:
     max_ground_noise_share : float
         The same for slope and drop, which average over many pixels.
     relief_window_px : int
-        Side of the window in which heights must agree to be free, four pixels and one more or a
-        multiple of it. Derived: the narrowest window of the refinement, within which pixels share
-        their noise.
+        Side of the window in which heights must agree to be free: a multiple of four, plus one.
+        Derived: the narrowest window of the refinement, within which pixels share their noise.
     max_relief_share : float
         Standard deviation of these heights up to which they agree, as a share of `max_step_m`.
         About half of what a step half as high makes across the middle. Chosen with all suites in
