@@ -18,10 +18,10 @@ from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
+from rover_obstacle_detection.detection.images.resampling import resized
 from rover_obstacle_detection.detection.methods.measurement import measure
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
-from rover_obstacle_detection.detection.result.enlarged import resized
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.errors import BagError, UnjudgeablePairError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ _COLUMNS, _ROWS = 32, 24
 def working_camera(
     camera: StereoCamera, ground: GroundPlane, parameters: ResolutionParameters
 ) -> StereoCamera:
-    """Choose the resolution that shows the rover's step in enough pixels.
+    """Choose the resolution that shows the rover's step in enough pixels to measure it.
 
     Parameters
     ----------
@@ -30,7 +31,22 @@ def working_camera(
     StereoCamera
         Of the reduced images; the given one where they keep their size.
     """
+    return _reduced(camera, ground, parameters)
+
+
+def outline_camera(
+    camera: StereoCamera, ground: GroundPlane, parameters: ResolutionParameters
+) -> StereoCamera:
+    """Choose the resolution that shows the rover's step in enough pixels to outline it.
+
+    Parameters and return value are those of `working_camera`.
+    """
     p = parameters
+    finer = replace(p, step_px=p.outline_step_px, min_pixels=p.outline_min_pixels)
+    return _reduced(camera, ground, finer)
+
+
+def _reduced(camera: StereoCamera, ground: GroundPlane, p: ResolutionParameters) -> StereoCamera:
     scale = p.scale or _scale_for_step(camera, ground, p)
     scale = max(scale, p.min_side_px / min(camera.shape))
     if scale >= p.max_scale:

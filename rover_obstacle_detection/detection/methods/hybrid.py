@@ -6,7 +6,9 @@ from dataclasses import replace
 from functools import partial
 
 from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.images.resampling import resized
 from rover_obstacle_detection.detection.methods.measurement import Finished, Mask, measure
+from rover_obstacle_detection.detection.methods.outline_view import outline_view
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.regions.segmentation import reduced_regions
@@ -52,43 +54,47 @@ def detect_hybrid(
     """
     p, full = parameters, frame
     measured = measure(full, p, finished, stages)
-    frame, correction, stereo, terrain, brims, sparse, warnings = measured
+    frame, _, stereo, terrain, brims, sparse, warnings = measured
     steep, maybe_steep = stages.slope(terrain, stereo.ground, p.terrain)
     dropped, maybe_dropped = stages.drop(terrain, stereo.ground, p.terrain)
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.
         terrain = replace(terrain, layers=())
-    standing = standing_parts(terrain, p.rocks)
+    view = outline_view(full, measured, p)
+    standing = standing_parts(view.terrain, p.rocks)
     finished('height')
-    rocks = outlined_rocks(stereo, terrain, standing, p.rocks, stages.outlines)
+    rocks = outlined_rocks(view.stereo, view.terrain, standing, p.rocks, stages.outlines)
     finished('outlines')
-    brims = brims.not_on(rocks.high, p.terrain.brims).doubted(sparse, p.terrain.brims)
+    rock = resized(rocks.high, frame.camera.shape)
+    brims = brims.not_on(rock, p.terrain.brims).doubted(sparse, p.terrain.brims)
     dropped |= brims.edge(p.terrain.brims)
-    rough = rough_ground(terrain, rocks.high | steep | dropped, p.terrain)
+    rough = rough_ground(terrain, rock | steep | dropped, p.terrain)
     finished('roughness')
     border = (terrain, stereo.disparity, frame.camera, p.terrain)
     large = large_slopes(steep, p.terrain)
     steep = steep | large | slope_in_border(large, *border)
-    high = rocks.high | tall(terrain, p.terrain)
-    high |= walls_in_border(high | steep, *border)
+    walls = tall(terrain, p.terrain)
+    walls |= walls_in_border(rock | walls | steep, *border)
     finished('border')
-    found = {
-        Cue.HEIGHT: high,
+    if not stereo.ground.measured:
+        # Nothing in view can be ground, so all that is seen stands in the way.
+        steep = terrain.measured
+    # Smoothing spreads the fall at a brim into the ground before it, beyond the marked edge.
+    doubtful = sparse | brims.beyond() | brims.near(p.terrain.brims)
+    doubtful |= maybe_steep | maybe_dropped
+    hazards = {
+        Cue.HEIGHT: walls,
         Cue.SLOPE: steep,
         Cue.DROP: dropped,
         Cue.ROUGHNESS_STEP: rough,
     }
-    if not stereo.ground.measured:
-        # Nothing in view can be ground, so all that is seen stands in the way.
-        found[Cue.SLOPE] = terrain.measured
-    # Smoothing spreads the fall at a brim into the ground before it, beyond the marked edge.
-    doubtful = sparse | brims.beyond() | brims.near(p.terrain.brims)
-    doubtful |= maybe_steep | maybe_dropped
-    doubtful |= rocks.possible(p.rocks)
-    detection = decided(found, ~doubtful, stereo, terrain, rocks, p)
-    detection = stages.doubt(replace(detection, correction=correction, warnings=warnings))
-    detection = enlarged(in_left_image(detection, frame), full)
+    found = {cue: view.finer(hazard) for cue, hazard in hazards.items()}
+    found[Cue.HEIGHT] |= rocks.high
+    may_be_free = ~(view.finer(doubtful) | rocks.possible(p.rocks))
+    detection = decided(found, may_be_free, view.stereo, view.terrain, rocks, p)
+    detection = replace(detection, correction=view.correction, warnings=warnings)
+    detection = enlarged(in_left_image(stages.doubt(detection), view.frame), full)
     finished('mask')
     return detection
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.images.resampling import resized
 from rover_obstacle_detection.detection.result.detection import Detection
 from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence
 from rover_obstacle_detection.detection.result.grid import ObstacleGrid
@@ -49,13 +49,6 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
         'correction': detection.correction.reduced(1 / factor),
     }
     return EnlargedDetection(**own, judged=detection)
-
-
-def resized(array: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
-    """Give each pixel of the new shape the value of the nearest one."""
-    values = array.view(np.uint8) if array.dtype == np.bool_ else array
-    resampled = cv2.resize(values, shape[::-1], interpolation=cv2.INTER_NEAREST_EXACT)
-    return np.asarray(resampled).view(array.dtype)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,4 +1,4 @@
-"""The resolution at which a pair is judged follows from the step's size in the image."""
+"""The resolutions at which a pair is measured and outlined follow from the step's size."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from synthetic import pinhole
 
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
-from rover_obstacle_detection.detection.geometry.parameters import ResolutionParameters
-from rover_obstacle_detection.detection.geometry.resolution import working_camera
+from rover_obstacle_detection.detection.geometry.parameters import (
+    RESOLUTIONS,
+    ResolutionParameters,
+)
+from rover_obstacle_detection.detection.geometry.resolution import outline_camera, working_camera
 
 PARAMETERS = ResolutionParameters()
 CAMERA = pinhole(2000, 1500, 60.0, 0.12)
@@ -42,7 +45,7 @@ MIDDLE = [(46.0, 3.0), (35.0, 2.0), (25.0, 1.5), (15.0, 1.2)]
 def test_step_has_the_pixels_it_needs_on_three_quarters_of_the_ground(pitch_deg, height_m):
     ground = plane(pitch_deg, height_m)
     found = chosen(ground)
-    assert 640 * 480 < found.width * found.height < CAMERA.width * CAMERA.height
+    assert 533 * 400 < found.width * found.height < CAMERA.width * CAMERA.height
     depth_m = depths_m(ground, CAMERA)
     in_range = depth_m[depth_m < PARAMETERS.max_range_m]
     size_px = found.fx * PARAMETERS.max_step_m / in_range
@@ -80,14 +83,14 @@ def test_images_that_would_hardly_become_smaller_stay_as_they_are():
 
 
 @pytest.mark.parametrize('height_m', [0.3, 0.5])
-def test_near_ground_leaves_as_many_pixels_as_640_x_480(height_m):
-    assert chosen(plane(46.0, height_m)).shape == (480, 640)
+def test_near_ground_leaves_as_many_pixels_as_533_x_400(height_m):
+    assert chosen(plane(46.0, height_m)).shape == (400, 533)
     wide = chosen(plane(46.0, height_m), pinhole(1920, 800, 60.0, 0.12))
-    assert wide.width * wide.height == pytest.approx(640 * 480, rel=0.005)
+    assert wide.width * wide.height == pytest.approx(533 * 400, rel=0.005)
     assert wide.width / wide.height == pytest.approx(2.4, rel=0.005)
 
 
-@pytest.mark.parametrize(('width', 'height'), [(640, 480), (320, 240), (640, 400), (64, 48)])
+@pytest.mark.parametrize(('width', 'height'), [(533, 400), (320, 240), (640, 360), (64, 48)])
 @pytest.mark.parametrize('height_m', [0.3, 5.0])
 def test_small_images_stay_as_they_are(width, height, height_m):
     camera = pinhole(width, height, 60.0, 0.12)
@@ -98,7 +101,7 @@ def test_small_images_stay_as_they_are(width, height, height_m):
     'ground', [plane(-60.0), plane(-31.0, 5.0), plane(5.0, 200.0)], ids=['sky', 'hill', 'abyss']
 )
 def test_without_ground_in_range_few_pixels_are_enough(ground):
-    assert chosen(ground).shape == (480, 640)
+    assert chosen(ground).shape == (400, 533)
 
 
 def test_ground_beyond_the_range_does_not_count():
@@ -131,3 +134,29 @@ def test_offset_of_the_right_camera_does_not_count():
 def test_a_rolled_camera_sees_the_same_step():
     width = chosen(plane(35.0, 2.0)).width
     assert chosen(plane(35.0, 2.0, roll_deg=15.0)).width == pytest.approx(width, rel=0.05)
+
+
+@pytest.mark.parametrize(('pitch_deg', 'height_m'), MIDDLE)
+def test_outlines_have_more_pixels(pitch_deg, height_m):
+    ground = plane(pitch_deg, height_m)
+    found = outline_camera(CAMERA, ground, PARAMETERS)
+    ratio = PARAMETERS.outline_step_px / PARAMETERS.step_px
+    assert found.width == pytest.approx(ratio * chosen(ground).width, rel=0.01)
+    assert found == CAMERA.resized(found.width, found.height)
+
+
+def test_near_ground_is_outlined_in_as_many_pixels_as_640_x_480():
+    assert outline_camera(CAMERA, plane(46.0, 0.3), PARAMETERS).shape == (480, 640)
+    small = CAMERA.resized(640, 480)
+    assert outline_camera(small, plane(46.0, 0.3), PARAMETERS) is small
+    assert working_camera(small, plane(46.0, 0.3), PARAMETERS).shape == (400, 533)
+
+
+@pytest.mark.parametrize('scale', [0.3, 1.0])
+@pytest.mark.parametrize('speed', RESOLUTIONS)
+def test_at_a_fixed_scale_outlines_have_the_same_pixels(speed, scale):
+    parameters = replace(RESOLUTIONS[speed], scale=scale)
+    measured, outlined = (
+        choose(CAMERA, plane(), parameters) for choose in (working_camera, outline_camera)
+    )
+    assert measured == outlined

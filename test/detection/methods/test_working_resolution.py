@@ -5,6 +5,7 @@ Limits leave a wide margin: they fail when the method breaks, not when it change
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -14,7 +15,9 @@ import waves
 from hybrid_runs import detect
 from synthetic import Box, Dome, iou, mast, render
 
+from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.detector import Detector
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion
 from rover_obstacle_detection.detection.result.enlarged import EnlargedDetection
 
@@ -42,6 +45,26 @@ def test_speed_decides_how_many_pixels_are_judged(speed, pixels):
     assert iou(found(speed=speed).mask, render(SCENE).obstacle) > 0.88
     # A fixed scale counts whatever the speed.
     assert found(1.0, speed).mask.tobytes() == found(1.0).mask.tobytes()
+
+
+def test_outlines_are_finer_than_what_is_measured():
+    view = render(SCENE)
+    default = DetectorParameters.from_config(DetectorConfig())
+
+    def outlined(width, height):
+        resolution = replace(
+            default.resolution,
+            step_px=1.0,
+            min_pixels=240 * 180,
+            outline_step_px=1.0,
+            outline_min_pixels=width * height,
+        )
+        detector = Detector(SCENE.camera, parameters=replace(default, resolution=resolution))
+        return detector.detect(view.left, view.right, gravity=SCENE.gravity)
+
+    fine, coarse = outlined(640, 480), outlined(240, 180)
+    assert (fine.judged.camera.width, coarse.judged.camera.width) == (640, 240)
+    assert iou(fine.mask, view.obstacle) > iou(coarse.mask, view.obstacle) + 0.01
 
 
 def test_mask_agrees_with_the_truth_and_with_that_of_all_pixels():

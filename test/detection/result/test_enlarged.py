@@ -10,12 +10,13 @@ from hand_made import small_detection
 
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.images.resampling import resized
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE
-from rover_obstacle_detection.detection.result.enlarged import EnlargedDetection, enlarged, resized
+from rover_obstacle_detection.detection.result.enlarged import EnlargedDetection, enlarged
 from rover_obstacle_detection.detection.result.left_image import in_left_image
 
 SMALL = StereoCamera(64, 48, 60.0, 60.0, 31.5, 23.5, 0.1, cx_right=29.5)
