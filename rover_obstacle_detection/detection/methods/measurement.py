@@ -119,14 +119,15 @@ def measure(
     ground, doubts = find_ground(reduced, coarse, p)
     finished('ground plane')
     frame = frame.resized(working_camera(full, ground, p.resolution))
-    correction = coarse.correction.reduced(full.width / frame.camera.width)
+    reduction = full.width / frame.camera.width
+    correction = coarse.correction.reduced(reduction)
     finished('resize')
     left, right = (without_noise(image, p, stages) for image in frame.pair)
     frame = replace(frame, pair=(left.grey, right.grey))
     straight = correction.straightened(frame)
     finished('noise')
     stereo = match(straight, coarse, correction, ground, left, p, stages, finished)
-    stereo, sparse, warnings = supported(stereo, (left.noise, right.noise), p)
+    stereo, sparse, warnings = supported(stereo, (left.noise, right.noise), reduction, p)
     stereo = within_range(stereo, p.stereo.min_range_m, p.terrain.max_range_m)
     if not ground.measured and frame.gravity is None:
         # Images that do not belong together may seem to show ground anywhere.
@@ -263,7 +264,10 @@ def match(
 
 
 def supported(
-    stereo: Stereo, noise: tuple[Spread, Spread], parameters: DetectorParameters
+    stereo: Stereo,
+    noise: tuple[Spread, Spread],
+    reduction: float,
+    parameters: DetectorParameters,
 ) -> tuple[Stereo, Mask, tuple[str, ...]]:
     """Remove the matches that the images do not support; warn of images that hardly agree.
 
@@ -272,6 +276,8 @@ def supported(
     stereo : Stereo
     noise : tuple of Spread
         Standard deviation of the noise of each image, grey levels.
+    reduction : float
+        Side of a pixel in pixels of the images as recorded.
     parameters : DetectorParameters
 
     Raises
@@ -300,7 +306,7 @@ def supported(
         p,
     )
     matched_share = np.count_nonzero(support.supported & visible) / max(1, visible.sum())
-    warnings = check_pair(frame.pair, support, matched_share, p)
+    warnings = check_pair(frame.pair, support, matched_share, reduction, p)
     disparity = np.where(support.supported, stereo.disparity, np.float32(0))
     sparse = support.plain | sparse_areas(support.supported, visible, p)
     return replace(stereo, disparity=disparity), sparse, warnings

@@ -100,6 +100,6 @@ class RectificationParameters:
     block_px: int = 12
     min_block_weight: float = 1.0
     max_block_sigmas: float = 3.0
-    reweightings: int = 10
+    reweightings: int = 5
     ridge: float = 1.0
     min_blocks_per_unknown: int = 5

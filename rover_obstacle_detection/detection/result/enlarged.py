@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.frame import Frame
+from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.resampling import resized
-from rover_obstacle_detection.detection.result.detection import Detection
+from rover_obstacle_detection.detection.result.detection import OBSTACLE, Detection
 from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence
 from rover_obstacle_detection.detection.result.grid import ObstacleGrid
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.detection.result.rims import Rims
 
-_PER_PIXEL = ('height', 'height_noise', 'rock_probability', 'cues', 'known', 'mask')
+_PER_PIXEL = ('height', 'height_noise', 'rock_probability', 'known')
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
+# Network output over its limit, or below: at least, and where it was not asked.
+_LEAST, _UNASKED = np.float32(0.01), np.float32(0.5)
 
 
 def enlarged(detection: Detection, frame: Frame) -> Detection:
@@ -35,6 +41,12 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
     factor = frame.camera.width / detection.camera.width
     own = {each.name: getattr(detection, each.name) for each in fields(detection)}
     own |= {name: resized(own[name], frame.camera.shape) for name in _PER_PIXEL}
+    obstacle = outlined(detection, frame.camera.shape)
+    own['mask'] = obstacle * np.uint8(OBSTACLE)
+    own['cues'] = resized(with_surroundings(detection.cues), frame.camera.shape) * obstacle
+    # What the outline leaves out of an obstacle is not free.
+    own['known'] &= ~resized(detection.mask == OBSTACLE, frame.camera.shape)
+    own['known'] |= obstacle
     disparity = resized(detection.disparity * np.float32(factor), frame.camera.shape)
     if frame.excluded is not None:
         for name in ('cues', 'known', 'mask'):
@@ -51,12 +63,45 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
     return EnlargedDetection(**own, judged=detection)
 
 
+def outlined(detection: Detection, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Draw the outlines of the obstacles at a larger size.
+
+    They run between the judged pixels, where the network's output, interpolated, reaches the
+    limit. Where the network was not asked, they run half way.
+
+    Parameters
+    ----------
+    detection : Detection
+    shape : tuple of int
+        Height and width.
+
+    Returns
+    -------
+    ndarray of bool, shape `shape`
+        Pixels on obstacles. Each of them has an obstacle at one of the judged pixels around it.
+    """
+    over = detection.rock_probability - np.float32(detection.parameters.rocks.outline_probability)
+    unasked = np.isnan(over)
+    # Other stages had the last word: what is an obstacle is one, however little the network saw.
+    obstacle = detection.mask == OBSTACLE
+    over = np.where(obstacle, np.maximum(over, _LEAST), np.minimum(over, -_LEAST))
+    over[unasked] = np.where(obstacle[unasked], _UNASKED, -_UNASKED)
+    return np.asarray(cv2.resize(over, shape[::-1], interpolation=cv2.INTER_LINEAR) > 0)
+
+
+def with_surroundings(image: NDArray[Any]) -> NDArray[Any]:
+    """Give the pixels that are 0 the highest value of those around them."""
+    grown = cv2.dilate(image, _NEIGHBOURS)
+    return np.where(image > 0, image, grown)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class EnlargedDetection(Detection):
     """A detection whose pixels each take what was found at the nearest pixel of another one.
 
-    Clouds have a point for each pixel that was judged, not several for the same measurement. The
-    grey image is the given one; the one that was matched, and `remapping`, are those of `judged`.
+    Outlines of obstacles run between those pixels. Clouds have a point for each pixel
+    that was judged, not several for the same measurement. The grey image is the given one; the one
+    that was matched, and `remapping`, are those of `judged`.
 
     Parameters
     ----------
@@ -69,7 +114,9 @@ class EnlargedDetection(Detection):
     @cached_property
     def obstacle_numbers(self) -> NDArray[np.int32]:
         """Number of each pixel's obstacle: ``obstacles[0]`` has number 1; 0 is no obstacle."""
-        numbers = resized(self.judged.obstacle_numbers, self.camera.shape)
+        # OpenCV does not dilate integers of this size.
+        judged = self.judged.obstacle_numbers.astype(np.float32)
+        numbers = resized(with_surroundings(judged), self.camera.shape).astype(np.int32)
         numbers[self.mask == 0] = 0
         return _read_only(numbers)
 
@@ -81,14 +128,10 @@ class EnlargedDetection(Detection):
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """The connected obstacles, each with its box in the image and in space, largest first."""
-        found, judged = self.judged.obstacles, self.judged.camera
-        numbers = self.obstacle_numbers[self.mask > 0]
-        pixels = np.bincount(numbers, minlength=len(found) + 1)[1:]
-        columns = _first_pixels(judged.width, self.camera.width)
-        rows = _first_pixels(judged.height, self.camera.height)
+        numbers, judged = self.obstacle_numbers, self.judged.camera
         return tuple(
-            _at_full_size(each, columns, rows, int(count))
-            for each, count in zip(found, pixels, strict=True)
+            _at_full_size(each, number, numbers, judged)
+            for number, each in enumerate(self.judged.obstacles, start=1)
         )
 
     @cached_property
@@ -124,20 +167,31 @@ class EnlargedDetection(Detection):
         return resized(x, self.camera.shape), resized(y, self.camera.shape)
 
 
-def _first_pixels(judged: int, full: int) -> NDArray[np.intp]:
-    """First pixel of a row that takes the value of each judged one, and the end of the row."""
-    nearest = resized(np.arange(judged, dtype=np.int32)[np.newaxis], (1, full))[0]
-    return np.searchsorted(nearest, np.arange(judged + 1))
-
-
 def _at_full_size(
-    obstacle: Obstacle, columns: NDArray[np.intp], rows: NDArray[np.intp], pixels: int
+    obstacle: Obstacle, number: int, numbers: NDArray[np.int32], judged: StereoCamera
 ) -> Obstacle:
-    """Let the box cover the pixels that take the values of the judged ones."""
-    left, right = (int(columns[obstacle.left + each]) for each in (0, obstacle.width))
-    top, bottom = (int(rows[obstacle.top + each]) for each in (0, obstacle.height))
+    """Let the box cover the pixels with the obstacle's number."""
+    height, width = numbers.shape
+    # Outlines reach no farther than one judged pixel beyond the judged box.
+    rows, columns = (
+        slice(max(math.floor((first - 1) * scale), 0), math.ceil((first + size + 1) * scale))
+        for first, size, scale in (
+            (obstacle.top, obstacle.height, height / judged.height),
+            (obstacle.left, obstacle.width, width / judged.width),
+        )
+    )
+    own = numbers[rows, columns] == number
+    pixels = np.count_nonzero(own)
+    if not pixels:
+        return replace(obstacle, pixels=0)
+    own_rows, own_columns = (np.flatnonzero(own.any(axis=axis)) for axis in (1, 0))
     return replace(
-        obstacle, left=left, top=top, width=right - left, height=bottom - top, pixels=pixels
+        obstacle,
+        left=columns.start + int(own_columns[0]),
+        top=rows.start + int(own_rows[0]),
+        width=int(own_columns[-1] - own_columns[0]) + 1,
+        height=int(own_rows[-1] - own_rows[0]) + 1,
+        pixels=int(pixels),
     )
 
 

@@ -21,7 +21,7 @@ CONTEXT_BLOCKS = 1
 """Blocks around a tile that are looked at as well. The network looks farther, but more blocks
 change less than one in a hundred pixels of the outlines."""
 
-CALL_BLOCKS = 96
+CALL_BLOCKS = 32
 """Blocks that take as long as one more call of the network. Measured on two cores."""
 
 

@@ -17,7 +17,11 @@ Grey = NDArray[np.uint8]
 
 
 def check_pair(
-    pair: GreyPair, support: Support, matched_share: float, parameters: SupportParameters
+    pair: GreyPair,
+    support: Support,
+    matched_share: float,
+    reduction: float,
+    parameters: SupportParameters,
 ) -> tuple[str, ...]:
     """Reject a pair whose images do not support each other, and warn if they hardly do.
 
@@ -28,6 +32,8 @@ def check_pair(
     support : Support
     matched_share : float
         Share of the visible pixels that are matched and supported.
+    reduction : float
+        Side of a pixel in pixels of the images as recorded, in which faults are named.
     parameters : SupportParameters
 
     Returns
@@ -59,7 +65,7 @@ def check_pair(
     agreeing = support.agreeing_share
     if agreeing >= p.doubtful_agreeing_share:
         return ()
-    fault = _fault(pair, p)
+    fault = _fault(pair, reduction, p)
     if fault or agreeing < p.min_agreeing_share:
         msg = f'{fault or _UNRELATED}: {_percent(agreeing)} match'
         raise UnjudgeablePairError(msg)
@@ -86,12 +92,12 @@ def _exposure(image: Grey) -> str:
     return 'check for a covered or fogged lens'
 
 
-def _fault(pair: GreyPair, parameters: SupportParameters) -> str:
+def _fault(pair: GreyPair, reduction: float, parameters: SupportParameters) -> str:
     """Name what keeps two images from matching, if it can be seen in them."""
     for side, ratio in zip(('left', 'right'), _sharpness_ratios(pair), strict=True):
         if ratio < parameters.min_sharpness_ratio:
             return f'the {side} image is out of focus or smeared'
-    rows = row_offset(pair, parameters)
+    rows = round(row_offset(pair, parameters) * reduction)
     if rows:
         where = 'lower' if rows > 0 else 'higher'
         return f'the right image is {abs(rows)} rows {where} than the left one, rectify them'

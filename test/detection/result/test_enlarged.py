@@ -4,26 +4,35 @@ from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 from hand_made import small_detection
 
+from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.resampling import resized
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rectification.row_alignment import RowAlignment
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.detection import FREE, OBSTACLE
-from rover_obstacle_detection.detection.result.enlarged import EnlargedDetection, enlarged
+from rover_obstacle_detection.detection.result.enlarged import (
+    EnlargedDetection,
+    enlarged,
+    outlined,
+)
 from rover_obstacle_detection.detection.result.left_image import in_left_image
 
 SMALL = StereoCamera(64, 48, 60.0, 60.0, 31.5, 23.5, 0.1, cx_right=29.5)
 # Twice, 1.5 times, 2.5 times, and no simple ratio, not the same along rows and columns either.
 SIZES = [(128, 96), (96, 72), (160, 120), (100, 75), (101, 77)]
 TWICE = SMALL.resized(128, 96)
-PER_PIXEL = ('height', 'height_noise', 'rock_probability', 'cues', 'known', 'mask')
+MEASURED = ('height', 'height_noise', 'rock_probability')
+OUTLINED = ('cues', 'known', 'mask', 'obstacle_numbers', 'confidence')
+PER_PIXEL = (*MEASURED, 'cues', 'known', 'mask')
 PINCHED = Correction(RowAlignment(0.5, 0.01), Lenses(LensDistortion(-0.6)))
 
 
@@ -51,7 +60,7 @@ def scattered(**changes):
         'disparity': disparity,
         'height': np.where(disparity > 0, obstacle * 0.3, np.nan).astype(np.float32),
         'height_noise': np.where(disparity > 0, 0.01, np.inf).astype(np.float32),
-        'rock_probability': random.random(SMALL.shape, np.float32),
+        'rock_probability': np.full(SMALL.shape, np.nan, np.float32),
     }
     return small_detection(SMALL, **{**fields, **changes})
 
@@ -70,6 +79,13 @@ def sources(size):
     return found.rock_probability.astype(int)
 
 
+def beside_no_outline(shape):
+    """Pixels whose judged neighbours are all on the same side of an outline."""
+    obstacle = (scattered().mask > 0).astype(np.float32)
+    share = cv2.resize(obstacle, shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return (share == 0) | (share == 1)
+
+
 def doubled(array):
     return array.repeat(2, axis=0).repeat(2, axis=1)
 
@@ -81,7 +97,7 @@ def test_a_detection_of_that_size_stays_as_it_is():
 
 def test_at_twice_the_size_each_pixel_becomes_four():
     found, judged, _ = at((128, 96))
-    for name in (*PER_PIXEL, 'obstacle_numbers', 'confidence'):
+    for name in (*MEASURED, *OUTLINED):
         own, expected = getattr(found, name), getattr(judged, name)
         assert own.dtype == expected.dtype, name
         np.testing.assert_array_equal(own, doubled(expected), name)
@@ -99,11 +115,65 @@ def test_each_pixel_takes_the_values_of_one_judged_pixel_the_nearest(size):
         place = (np.indices(index.shape)[number] + 0.5) * along / scaled - 0.5
         assert np.abs(place - source).max() <= 0.501
     assert index.shape == found.camera.shape
-    for name in (*PER_PIXEL, 'obstacle_numbers', 'confidence'):
+    for name in MEASURED:
         own = getattr(found, name)
         np.testing.assert_array_equal(own, getattr(judged, name).ravel()[index], name)
+    for name in OUTLINED:
+        off = getattr(found, name) != getattr(judged, name).ravel()[index]
+        assert not off[beside_no_outline(found.camera.shape)].any(), name
     for own, expected in zip(found.rims, judged.rims, strict=True):
         np.testing.assert_array_equal(own, expected.ravel()[index])
+
+
+@pytest.mark.parametrize('size', SIZES)
+@pytest.mark.parametrize('asked', [False, True])
+def test_outlined_pixels_are_obstacles_in_every_respect(size, asked):
+    changes = {}
+    if asked:
+        random = np.random.default_rng(2)
+        changes['rock_probability'] = random.random(SMALL.shape, np.float32)
+    found = enlarged(scattered(**changes), frame_of(SMALL.resized(*size)))
+    obstacle = found.mask == OBSTACLE
+    for array in (found.cues, found.obstacle_numbers, found.confidence):
+        np.testing.assert_array_equal(array > 0, obstacle)
+    assert found.known[obstacle].all()
+    # What is left out of an obstacle is unknown.
+    index = sources(size)
+    left_out = (scattered().mask.ravel()[index] > 0) & ~obstacle
+    assert left_out.any() or not asked
+    assert not found.known[left_out].any()
+
+
+def test_outline_runs_where_the_interpolated_probability_reaches_the_limit():
+    mask = np.zeros(SMALL.shape, np.uint8)
+    mask[:, :8] = OBSTACLE
+    # From 0.9 to 0.3 in one pixel: 0.5 is two thirds of the way.
+    probability = np.where(mask > 0, 0.9, 0.3).astype(np.float32)
+    for limit, share in ((0.5, 2 / 3), (0.75, 1 / 4)):
+        parameters = DetectorParameters.from_config(DetectorConfig(outline_probability=limit))
+        judged = scattered(mask=mask, rock_probability=probability, parameters=parameters)
+        found = outlined(judged, (SMALL.height, 60 * SMALL.width))
+        # Pixel centres of the judged columns 7 and 8 lie 7.5 and 8.5 columns from the side.
+        np.testing.assert_allclose(found.sum(axis=1), (7.5 + share) * 60, atol=1)
+
+
+def test_unasked_outlines_run_half_way():
+    found = outlined(scattered(), (960, 1280))
+    np.testing.assert_array_equal(found[150:390, 230:510].any(0), True)
+    middle = found[270]
+    assert np.flatnonzero(middle)[[0, -1]].tolist() == [220, 519]
+
+
+def test_an_obstacle_that_the_network_does_not_see_stays_one():
+    probability = np.zeros(SMALL.shape, np.float32)
+    found = enlarged(scattered(rock_probability=probability), frame_of(TWICE))
+    inner = cv2.erode(doubled(scattered().mask), np.ones((3, 3), np.uint8)) > 0
+    assert (found.mask[inner] == OBSTACLE).all()
+    assert len(found.obstacles) == 3
+    # And what it sees where other stages found nothing is none.
+    found = enlarged(scattered(rock_probability=probability + 1), frame_of(TWICE))
+    outer = cv2.dilate(doubled(scattered().mask), np.ones((3, 3), np.uint8)) > 0
+    assert not found.mask[~outer].any()
 
 
 @pytest.mark.parametrize('size', SIZES)

@@ -37,13 +37,13 @@ def good_pair():
     return waves.stereo_pair(CAMERA, DisparityPlane(0.004, 0.01, 12.0), noise=1.0)
 
 
-def check(support, pair=None, matched_share=0.9):
-    return check_pair(pair or good_pair(), support, matched_share, PARAMETERS)
+def check(support, pair=None, matched_share=0.9, reduction=1.0):
+    return check_pair(pair or good_pair(), support, matched_share, reduction, PARAMETERS)
 
 
-def refusal(support, pair=None, matched_share=0.9):
+def refusal(support, pair=None, matched_share=0.9, reduction=1.0):
     with pytest.raises(UnjudgeablePairError) as caught:
-        check(support, pair, matched_share)
+        check(support, pair, matched_share, reduction)
     return str(caught.value)
 
 
@@ -168,6 +168,15 @@ def test_rows_that_are_off_are_named(rows, where, share):
     assert found, said
     # Strips shift against each other by the disparity, so that slanted texture adds a row.
     assert int(found[1]) == pytest.approx(abs(rows), abs=2)
+
+
+def test_rows_are_counted_in_the_images_as_recorded():
+    left, right = good_pair()
+    reduced = left, np.roll(right, 6, axis=0)
+    rows = row_offset(reduced, PARAMETERS)
+    assert rows == pytest.approx(6, abs=2)
+    said = refusal(DISAGREEING, reduced, reduction=2.5)
+    assert said.startswith(f'the right image is {round(2.5 * rows)} rows lower')
 
 
 @pytest.mark.parametrize(('rows', 'found'), [(10, 10), (-10, -10), (11, 0), (-11, 0), (0, 0)])
