@@ -183,7 +183,7 @@ class DetectorConfig:
     )
     speed: str = _parameter(
         'accurate',
-        'Method hybrid: how many pixels are judged; fast: half as many, with coarser outlines. '
+        'Method hybrid: how many pixels are judged; fast: fewer, with coarser outlines. '
         'Only with a working_scale of 0.',
         choices=SPEEDS,
     )

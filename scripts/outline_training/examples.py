@@ -20,6 +20,7 @@ from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.images.resampling import resized
 from rover_obstacle_detection.detection.methods.measurement import measure
+from rover_obstacle_detection.detection.methods.outline_view import outline_view
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
@@ -123,13 +124,11 @@ def example_of(frame: LabelledFrame) -> Example:
         If the pair says nothing about the ground, or contradicts itself.
     """
     parameters = DetectorParameters.from_config(DetectorConfig())
-    pair = grey_pair(frame.left, frame.right, frame.camera)
-    measured = measure(Frame(pair, frame.camera), parameters)
-    standing = standing_parts(measured.terrain, parameters.rocks)
-    features = outline_features(
-        measured.stereo, measured.terrain, standing, EVERYWHERE, parameters.rocks
-    )
-    labels = straightened_labels(frame.labels, measured.frame.camera, measured.correction)
+    full = Frame(grey_pair(frame.left, frame.right, frame.camera), frame.camera)
+    view = outline_view(full, measure(full, parameters), parameters)
+    standing = standing_parts(view.terrain, parameters.rocks)
+    features = outline_features(view.stereo, view.terrain, standing, EVERYWHERE, parameters.rocks)
+    labels = straightened_labels(frame.labels, view.frame.camera, view.correction)
     rock = labels == ROCK
     return Example(
         torch.from_numpy(features.astype(np.float16)),
@@ -149,7 +148,7 @@ def straightened_labels(
     labels : ndarray of uint8, shape (height, width)
         Of the left image.
     camera : StereoCamera
-        Of the resolution at which the pair was judged.
+        Of the resolution of the outlines.
     correction : Correction
     """
     labels = resized(labels, camera.shape)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -29,6 +30,7 @@ from outline_training.train import Batch, loss_of, pixel_logits
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
 from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
@@ -221,6 +223,15 @@ def test_labels_have_the_resolution_at_which_the_pair_was_judged(monkeypatch):
     # The labels lie where the features show something that stands up.
     height = made.features[HEIGHT].float()
     assert height[made.rock].mean() > height[made.counted & ~made.rock].mean() + 0.3
+
+
+def test_features_have_the_resolution_of_the_outlines(monkeypatch):
+    default = DetectorParameters.from_config(DetectorConfig())
+    measured = replace(default.resolution, step_px=0.1, min_pixels=200 * 150)
+    changed = replace(default, resolution=measured)
+    monkeypatch.setattr(DetectorParameters, 'from_config', lambda config: changed)
+    (made,) = examples_of_bags([BAG])
+    assert made.rock.shape == made.features.shape[1:] == (300, 400)
 
 
 @pytest.mark.parametrize('shape', [(200, 240), (90, 300)])

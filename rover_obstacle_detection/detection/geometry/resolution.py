@@ -1,4 +1,4 @@
-"""The resolution at which a pair is judged: that of the rover's step, not of the camera."""
+"""The resolutions at which a pair is measured and outlined: the rover's step sets them."""
 
 from __future__ import annotations
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.images.resampling import resized
 from rover_obstacle_detection.detection.methods.measurement import Finished, Mask, measure
@@ -133,8 +135,10 @@ def decided(
     known &= ~around(mask, parameters.result.outline_px)
     known &= ~uneven(terrain, mask == OBSTACLE, parameters.terrain)
     known |= mask == OBSTACLE
+    probability = rocks.probability
     if excluded is not None:
         known &= ~excluded
+        probability = np.where(excluded, np.float32(np.nan), probability)
     return Detection(
         camera=stereo.frame.camera,
         parameters=parameters,
@@ -143,7 +147,7 @@ def decided(
         disparity=stereo.disparity,
         height=terrain.height_m,
         height_noise=terrain.noise_m,
-        rock_probability=rocks.probability,
+        rock_probability=probability,
         cues=cues,
         known=known,
         mask=mask,

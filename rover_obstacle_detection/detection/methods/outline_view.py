@@ -88,12 +88,9 @@ def _finer_stereo(
     # Off the plane by as much, a pixel beside the matched one lies on the same surface.
     disparity = expected + fine(stereo.disparity - stereo.expected)
     disparity[~resized(matched, camera.shape)] = 0
-    excluded = stereo.frame.excluded
     return replace(
         stereo,
-        frame=replace(
-            frame, excluded=None if excluded is None else resized(excluded, camera.shape)
-        ),
+        frame=replace(frame, excluded=_excluded(frame, stereo.frame)),
         expected=expected,
         disparity=np.maximum(disparity, 0),
         noise_px=fine(stereo.noise_px),
@@ -102,11 +99,21 @@ def _finer_stereo(
     )
 
 
+def _excluded(frame: Frame, measured: Frame) -> Mask | None:
+    """Pixels that are excluded at this resolution or at the measured one."""
+    if measured.excluded is None:
+        return frame.excluded
+    excluded = resized(measured.excluded, frame.camera.shape)
+    return excluded if frame.excluded is None else excluded | frame.excluded
+
+
 def _finer_terrain(terrain: Terrain, stereo: Stereo) -> Terrain:
     camera = stereo.frame.camera
     height_m, noise_m, camera_m = (
         resized(each, camera.shape)
         for each in (terrain.height_m, terrain.noise_m, terrain.camera_m)
     )
+    unmatched = stereo.disparity <= 0
+    height_m[unmatched], noise_m[unmatched] = np.nan, np.inf
     pixels_per_metre = stereo.disparity / np.float32(camera.baseline_m)
     return Terrain(height_m, noise_m, camera_m, pixels_per_metre, ())

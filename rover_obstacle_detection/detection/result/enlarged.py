@@ -19,11 +19,13 @@ from rover_obstacle_detection.detection.result.evidence import ObstacleEvidence
 from rover_obstacle_detection.detection.result.grid import ObstacleGrid
 from rover_obstacle_detection.detection.result.obstacles import Obstacle
 from rover_obstacle_detection.detection.result.rims import Rims
+from rover_obstacle_detection.detection.stereo.judged_range import too_far, too_near
 
 _PER_PIXEL = ('height', 'height_noise', 'rock_probability', 'known')
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
-# Network output over its limit, or below: at least, and where it was not asked.
-_LEAST, _UNASKED = np.float32(0.01), np.float32(0.5)
+# Most that the network's output counts over its limit, or below, and where it draws no outline:
+# alike, so that straight sides do not move where it was not asked.
+_FULL = np.float32(0.5)
 
 
 def enlarged(detection: Detection, frame: Frame) -> Detection:
@@ -41,13 +43,17 @@ def enlarged(detection: Detection, frame: Frame) -> Detection:
     factor = frame.camera.width / detection.camera.width
     own = {each.name: getattr(detection, each.name) for each in fields(detection)}
     own |= {name: resized(own[name], frame.camera.shape) for name in _PER_PIXEL}
+    disparity = resized(detection.disparity * np.float32(factor), frame.camera.shape)
     obstacle = outlined(detection, frame.camera.shape)
+    # In a corner, an outline may reach into pixels beyond the range.
+    p = detection.parameters
+    obstacle &= ~too_near(disparity, frame.camera, p.stereo.min_range_m)
+    obstacle &= ~too_far(disparity, frame.camera, p.terrain.max_range_m)
     own['mask'] = obstacle * np.uint8(OBSTACLE)
     own['cues'] = resized(with_surroundings(detection.cues), frame.camera.shape) * obstacle
     # What the outline leaves out of an obstacle is not free.
     own['known'] &= ~resized(detection.mask == OBSTACLE, frame.camera.shape)
     own['known'] |= obstacle
-    disparity = resized(detection.disparity * np.float32(factor), frame.camera.shape)
     if frame.excluded is not None:
         for name in ('cues', 'known', 'mask'):
             own[name][frame.excluded] = 0
@@ -67,7 +73,7 @@ def outlined(detection: Detection, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Draw the outlines of the obstacles at a larger size.
 
     They run between the judged pixels, where the network's output, interpolated, reaches the
-    limit. Where the network was not asked, they run half way.
+    limit. Where it draws no outline, they run half way.
 
     Parameters
     ----------
@@ -81,11 +87,11 @@ def outlined(detection: Detection, shape: tuple[int, int]) -> NDArray[np.bool_]:
         Pixels on obstacles. Each of them has an obstacle at one of the judged pixels around it.
     """
     over = detection.rock_probability - np.float32(detection.parameters.rocks.outline_probability)
-    unasked = np.isnan(over)
-    # Other stages had the last word: what is an obstacle is one, however little the network saw.
     obstacle = detection.mask == OBSTACLE
-    over = np.where(obstacle, np.maximum(over, _LEAST), np.minimum(over, -_LEAST))
-    over[unasked] = np.where(obstacle[unasked], _UNASKED, -_UNASKED)
+    # Where other stages overruled the network, as where it was not asked, it draws no outline.
+    undrawn = np.isnan(over) | (obstacle != (over > 0))
+    over = np.clip(over, -_FULL, _FULL)
+    over[undrawn] = np.where(obstacle[undrawn], _FULL, -_FULL)
     return np.asarray(cv2.resize(over, shape[::-1], interpolation=cv2.INTER_LINEAR) > 0)
 
 
@@ -99,9 +105,8 @@ def with_surroundings(image: NDArray[Any]) -> NDArray[Any]:
 class EnlargedDetection(Detection):
     """A detection whose pixels each take what was found at the nearest pixel of another one.
 
-    Outlines of obstacles run between those pixels. Clouds have a point for each pixel
-    that was judged, not several for the same measurement. The grey image is the given one; the one
-    that was matched, and `remapping`, are those of `judged`.
+    Outlines of obstacles run between those pixels. Clouds have a point for each pixel of `judged`.
+    The grey image is the given one; `remapping` is that of `judged`.
 
     Parameters
     ----------
@@ -170,28 +175,28 @@ class EnlargedDetection(Detection):
 def _at_full_size(
     obstacle: Obstacle, number: int, numbers: NDArray[np.int32], judged: StereoCamera
 ) -> Obstacle:
-    """Let the box cover the pixels with the obstacle's number."""
-    height, width = numbers.shape
+    """Let the box cover the pixels with the obstacle's number; if there are none, where it was."""
+    down, across = (full / own for full, own in zip(numbers.shape, judged.shape, strict=True))
+    first = np.floor((obstacle.top * down, obstacle.left * across)).astype(int)
+    size = np.ceil((obstacle.height * down, obstacle.width * across)).astype(int)
     # Outlines reach no farther than one judged pixel beyond the judged box.
+    reach = math.ceil(max(down, across))
     rows, columns = (
-        slice(max(math.floor((first - 1) * scale), 0), math.ceil((first + size + 1) * scale))
-        for first, size, scale in (
-            (obstacle.top, obstacle.height, height / judged.height),
-            (obstacle.left, obstacle.width, width / judged.width),
-        )
+        slice(max(start - reach, 0), start + length + reach)
+        for start, length in zip(first.tolist(), size.tolist(), strict=True)
     )
     own = numbers[rows, columns] == number
-    pixels = np.count_nonzero(own)
-    if not pixels:
-        return replace(obstacle, pixels=0)
-    own_rows, own_columns = (np.flatnonzero(own.any(axis=axis)) for axis in (1, 0))
+    if own.any():
+        own_rows, own_columns = (np.flatnonzero(own.any(axis=axis)) for axis in (1, 0))
+        first = np.array((rows.start + own_rows[0], columns.start + own_columns[0]))
+        size = np.array((np.ptp(own_rows), np.ptp(own_columns))) + 1
     return replace(
         obstacle,
-        left=columns.start + int(own_columns[0]),
-        top=rows.start + int(own_rows[0]),
-        width=int(own_columns[-1] - own_columns[0]) + 1,
-        height=int(own_rows[-1] - own_rows[0]) + 1,
-        pixels=int(pixels),
+        left=int(first[1]),
+        top=int(first[0]),
+        width=int(size[1]),
+        height=int(size[0]),
+        pixels=int(np.count_nonzero(own)),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -160,11 +161,29 @@ def test_excluded_pixels_stay_excluded():
     assert outline_view(full_frame(), measured(), parameters()).stereo.frame.excluded is None
 
 
+def test_pixels_of_the_rover_are_excluded_at_their_own_resolution():
+    rover = np.zeros(FINE.shape, bool)
+    rover[71:, 33:90] = True
+    # Three times, twice and once the size of what was measured.
+    full = replace(full_frame(), excluded=cv2.resize(rover.view(np.uint8), (192, 144)) > 0)
+    expected = full.resized(FINE).excluded
+    assert expected.sum() == pytest.approx(rover.sum(), rel=0.05)
+    view = outline_view(full, measured(), parameters())
+    np.testing.assert_array_equal(view.stereo.frame.excluded, expected)
+    too_near = np.zeros(SMALL.shape, bool)
+    too_near[45:] = True
+    view = outline_view(full, measured(too_near), parameters())
+    np.testing.assert_array_equal(view.stereo.frame.excluded, expected | doubled(too_near))
+
+
 def test_no_pixel_lies_nearer_than_the_range():
     nearest_m = 1.2
     assert measured().stereo.disparity.max() > SMALL.disparity_at(nearest_m)
     view = outline_view(full_frame(), measured(), parameters(min_range=nearest_m))
     assert view.stereo.disparity.max() <= FINE.disparity_at(nearest_m)
+    unmatched = view.stereo.disparity <= 0
+    np.testing.assert_array_equal(np.isnan(view.terrain.height_m), unmatched)
+    np.testing.assert_array_equal(np.isinf(view.terrain.noise_m), unmatched)
     assert view.stereo.frame.excluded[-1].all()
     assert not view.stereo.frame.excluded[0].any()
 

@@ -135,6 +135,32 @@ def test_rover_of_the_large_image_is_not_judged():
     assert seen.known[750:799, 333:951].mean() > 0.9
 
 
+@pytest.mark.parametrize(('width', 'height'), [(640, 480), (600, 450), (1024, 768)])
+def test_no_pixel_of_the_rover_is_judged_at_any_size(width, height):
+    scene = mast(width, height, solids=SCENE.solids)
+    view = render(scene)
+    rover = np.zeros(scene.camera.shape, bool)
+    rover[height * 5 // 6 + 1 :, 101 : width - 133] = True
+    rover[::9, width // 2 :] = True  # an antenna, say
+    seen = Detector(scene.camera, rover_mask=rover).detect(
+        view.left, view.right, gravity=scene.gravity
+    )
+    for array in (seen.mask, seen.cues, seen.known, seen.obstacle_numbers):
+        assert not array[rover].any()
+    assert seen.known[~rover].mean() > 0.6
+
+
+@pytest.mark.parametrize('width', [640, 1000, 1280])
+def test_nothing_outside_the_range_is_judged(width):
+    scene = mast(width, width * 3 // 4, solids=SCENE.solids)
+    seen, _ = detect(scene, min_range=1.1, max_range=1.5)
+    z_m = seen.points[..., 2]
+    judged = (seen.known | (seen.mask > 0)) & np.isfinite(z_m)
+    assert judged.sum() > 0.01 * judged.size
+    assert z_m[judged].min() >= 1.1 - 1e-3
+    assert z_m[judged].max() <= 1.5 + 1e-3
+
+
 def test_mask_fits_the_large_left_image_of_a_distorting_lens():
     view, camera = render(SCENE), SCENE.camera
     lens = LensDistortion(-0.05)

@@ -167,13 +167,35 @@ def test_unasked_outlines_run_half_way():
 def test_an_obstacle_that_the_network_does_not_see_stays_one():
     probability = np.zeros(SMALL.shape, np.float32)
     found = enlarged(scattered(rock_probability=probability), frame_of(TWICE))
-    inner = cv2.erode(doubled(scattered().mask), np.ones((3, 3), np.uint8)) > 0
-    assert (found.mask[inner] == OBSTACLE).all()
-    assert len(found.obstacles) == 3
+    np.testing.assert_array_equal(found.mask, doubled(scattered().mask))
+    assert all(each.pixels for each in found.obstacles)
     # And what it sees where other stages found nothing is none.
     found = enlarged(scattered(rock_probability=probability + 1), frame_of(TWICE))
-    outer = cv2.dilate(doubled(scattered().mask), np.ones((3, 3), np.uint8)) > 0
-    assert not found.mask[~outer].any()
+    np.testing.assert_array_equal(found.mask, doubled(scattered().mask))
+
+
+@pytest.mark.parametrize('probability', [0.0, 0.45, np.nan])
+@pytest.mark.parametrize('size', SIZES)
+def test_an_obstacle_of_one_row_stays_one(size, probability):
+    mask = np.zeros(SMALL.shape, np.uint8)
+    mask[20, 10:50] = OBSTACLE
+    seen = np.full(SMALL.shape, probability, np.float32)
+    found = outlined(scattered(mask=mask, rock_probability=seen), size[::-1])
+    area = np.count_nonzero(mask) * found.size / mask.size
+    assert np.count_nonzero(found) > 0.6 * area
+
+
+@pytest.mark.parametrize('limit', [0.1, 0.5, 0.9])
+def test_no_obstacle_grows_into_what_is_not_judged(limit):
+    mask = np.zeros(SMALL.shape, np.uint8)
+    mask[:, 20:40] = OBSTACLE
+    probability = np.where(mask > 0, 1, np.nan).astype(np.float32)
+    parameters = DetectorParameters.from_config(DetectorConfig(outline_probability=limit))
+    judged = scattered(mask=mask, rock_probability=probability, parameters=parameters)
+    for factor in (2, 3, 7):
+        found = outlined(judged, (factor * SMALL.height, factor * SMALL.width))
+        assert not found[:, : 20 * factor].any()
+        assert not found[:, 40 * factor :].any()
 
 
 @pytest.mark.parametrize('size', SIZES)
@@ -288,6 +310,8 @@ def test_an_obstacle_that_the_rover_hides_has_no_pixels():
     rover[80:94, 6:20] = True
     found = enlarged(scattered(), frame_of(TWICE, rover))
     assert [each.pixels for each in found.obstacles] == [4 * 13 * 15, 4 * 7 * 15, 0]
+    hidden = found.obstacles[-1]
+    assert (hidden.left, hidden.top, hidden.width, hidden.height) == (6, 80, 14, 14)
 
 
 def test_pixels_of_a_distorting_lens_lie_on_the_straight_rays():
