@@ -31,7 +31,7 @@ class OutlineView:
     Parameters
     ----------
     frame : Frame
-        The given frame at this resolution.
+        The given frame at this resolution; not smoothed, unless it is the one that was matched.
     correction : Correction
         Of the rectification, in pixels of that frame.
     stereo : Stereo
@@ -66,6 +66,7 @@ def outline_view(
     p, frame, stereo, terrain = parameters, measured.frame, measured.stereo, measured.terrain
     camera = outline_camera(full.camera, stereo.ground, p.resolution)
     if camera.shape == frame.camera.shape:
+        # What was matched serves as it is, smoothed or not.
         return OutlineView(frame, measured.correction, stereo, terrain)
     finer = camera.width / frame.camera.width
     frame, correction = full.resized(camera), measured.correction.reduced(1 / finer)
