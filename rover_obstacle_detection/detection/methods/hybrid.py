@@ -9,7 +9,12 @@ import numpy as np
 
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.images.resampling import resized
-from rover_obstacle_detection.detection.methods.measurement import Finished, Mask, measure
+from rover_obstacle_detection.detection.methods.measurement import (
+    Finished,
+    Mask,
+    Measurement,
+    measure,
+)
 from rover_obstacle_detection.detection.methods.outline_view import outline_view
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.parameters import DetectorParameters
@@ -30,6 +35,7 @@ from rover_obstacle_detection.detection.terrain.hazards import (
     tall,
 )
 from rover_obstacle_detection.detection.terrain.level import level_ground, uneven
+from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
 
@@ -56,49 +62,79 @@ def detect_hybrid(
     """
     p, full = parameters, frame
     measured = measure(full, p, finished, stages)
-    frame, _, stereo, terrain, brims, sparse, warnings = measured
-    steep, maybe_steep = stages.slope(terrain, stereo.ground, p.terrain)
-    dropped, maybe_dropped = stages.drop(terrain, stereo.ground, p.terrain)
+    ground = measured.stereo.ground
+    steep = stages.slope(measured.terrain, ground, p.terrain)
+    dropped = stages.drop(measured.terrain, ground, p.terrain)
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.
-        terrain = replace(terrain, layers=())
+        measured = measured._replace(terrain=replace(measured.terrain, layers=()))
     view = outline_view(full, measured, p)
     standing = standing_parts(view.terrain, p.rocks)
     finished('height')
     rocks = outlined_rocks(view.stereo, view.terrain, standing, p.rocks, stages.outlines)
     finished('outlines')
-    rock = resized(rocks.high, frame.camera.shape)
-    brims = brims.not_on(rock, p.terrain.brims).doubted(sparse, p.terrain.brims)
-    dropped |= brims.edge(p.terrain.brims)
-    rough = rough_ground(terrain, rock | steep | dropped, p.terrain)
-    finished('roughness')
-    border = (terrain, stereo.disparity, frame.camera, p.terrain)
-    large = large_slopes(steep, p.terrain)
-    steep = steep | large | slope_in_border(large, *border)
-    walls = tall(terrain, p.terrain)
-    walls |= walls_in_border(rock | walls | steep, *border)
-    finished('border')
-    if not stereo.ground.measured:
-        # Nothing in view can be ground, so all that is seen stands in the way.
-        steep = terrain.measured
-    # Smoothing spreads the fall at a brim into the ground before it, beyond the marked edge.
-    doubtful = sparse | brims.beyond() | brims.near(p.terrain.brims)
-    doubtful |= maybe_steep | maybe_dropped
-    hazards = {
-        Cue.HEIGHT: walls,
-        Cue.SLOPE: steep,
-        Cue.DROP: dropped,
-        Cue.ROUGHNESS_STEP: rough,
-    }
+    rock = resized(rocks.high, measured.frame.camera.shape)
+    hazards, doubtful = terrain_hazards(measured, steep, dropped, rock, p, finished)
     found = {cue: view.finer(hazard) for cue, hazard in hazards.items()}
     found[Cue.HEIGHT] |= rocks.high
     may_be_free = ~(view.finer(doubtful) | rocks.possible(p.rocks))
     detection = decided(found, may_be_free, view.stereo, view.terrain, rocks, p)
-    detection = replace(detection, correction=view.correction, warnings=warnings)
+    detection = replace(detection, correction=view.correction, warnings=measured.warnings)
     detection = enlarged(in_left_image(stages.doubt(detection), view.frame), full)
     finished('mask')
     return detection
+
+
+def terrain_hazards(
+    measured: Measurement,
+    steep: Hazard,
+    dropped: Hazard,
+    rock: Mask,
+    parameters: DetectorParameters,
+    finished: Finished,
+) -> tuple[dict[Cue, Mask], Mask]:
+    """Find the hazards of the terrain, and what may be one.
+
+    Parameters
+    ----------
+    measured : Measurement
+    steep, dropped : Hazard
+        Slopes and hollows.
+    rock : ndarray of bool, shape (height, width)
+        Pixels on rocks.
+    parameters : DetectorParameters
+    finished : callable
+
+    Returns
+    -------
+    hazards : dict of Cue to ndarray of bool, shape (height, width)
+    doubtful : ndarray of bool, shape (height, width)
+        Pixels that are not free, hazard or not.
+    """
+    p, terrain, stereo = parameters.terrain, measured.terrain, measured.stereo
+    brims = measured.brims.not_on(rock, p.brims).doubted(measured.sparse, p.brims)
+    drops = dropped.found | brims.edge(p.brims)
+    rough = rough_ground(terrain, rock | steep.found | drops, p)
+    finished('roughness')
+    border = (terrain, stereo.disparity, stereo.frame.camera, p)
+    large = large_slopes(steep.found, p)
+    slopes = steep.found | large | slope_in_border(large, *border)
+    walls = tall(terrain, p)
+    walls |= walls_in_border(rock | walls | slopes, *border)
+    finished('border')
+    if not stereo.ground.measured:
+        # Nothing in view can be ground, so all that is seen stands in the way.
+        slopes = terrain.measured
+    # Smoothing spreads the fall at a brim into the ground before it, beyond the marked edge.
+    doubtful = measured.sparse | brims.beyond() | brims.near(p.brims)
+    doubtful |= steep.possible | dropped.possible
+    return {
+        Cue.HEIGHT: walls,
+        Cue.SLOPE: slopes,
+        Cue.DROP: drops,
+        Cue.ROUGHNESS_STEP: rough,
+    }, doubtful
 
 
 def study_products(stereo: Stereo, parameters: DetectorParameters) -> StudyProducts:
