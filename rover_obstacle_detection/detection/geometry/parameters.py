@@ -152,7 +152,8 @@ class ResolutionParameters:
     min_pixels : int
         Fewest pixels of the reduced image, since the filters have sizes in pixels. A trade, see
         `RESOLUTIONS`.
-    outline_step_px, outline_min_pixels
+    outline_step_px : float
+    outline_min_pixels : int
         The same for the images in which outlines are drawn.
     min_side_px : int
         Shortest side of the reduced image at a fixed scale. Derived: the filters' widest windows

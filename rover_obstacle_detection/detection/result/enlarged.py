@@ -23,8 +23,8 @@ from rover_obstacle_detection.detection.stereo.judged_range import too_far, too_
 
 _PER_PIXEL = ('height', 'height_noise', 'rock_probability', 'known')
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
-# Most that the network's output counts over its limit, or below, and where it draws no outline:
-# alike, so that straight sides do not move where it was not asked.
+# The network's output counts at most this much above or below its limit, and exactly as much where
+# it draws no outline, so that the outline runs half way there.
 _FULL = np.float32(0.5)
 
 
