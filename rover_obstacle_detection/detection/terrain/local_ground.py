@@ -14,6 +14,8 @@ from rover_obstacle_detection.detection.terrain.viewpoint import Viewpoint
 
 Grid = NDArray[np.float32]
 
+_FAR_M = np.float32(1e6)
+
 
 @dataclass(frozen=True, eq=False)
 class LocalGround:
@@ -65,7 +67,8 @@ def local_ground(
     2. A local linear regression of the cells near it gives the trend. Local constants would
        flatten slopes towards the edge of the visible ground.
     3. The mean of the cells near the trend is the ground.
-    4. Bare is what hardly rises above the lower envelope, and less than a wall above the ground.
+    4. Bare is what hardly rises above anything as wide as the opening, with its outlines, and less
+       than a wall above the ground.
 
     Steps 2 and 3 run twice, the second time from the ground itself. The first noise estimate uses
     the trend of all cells, rocks included.
@@ -78,7 +81,9 @@ def local_ground(
     smoothing_cells = max(p.smoothing_m, p.smoothing_cells * wide_m) / cell_m
     opening_cells = max(p.opening_m, p.opening_cells * wide_m) / cell_m
     filled = _follow(height_m, weight, np.zeros_like(height_m), 1.0)
-    envelope = ground = _opened(filled, present, round(opening_cells) | 1)
+    size = round(opening_cells) | 1
+    # A square kernel takes two passes over the map, a disc one for each of its cells.
+    ground = _opened(filled, present, cv2.getStructuringElement(cv2.MORPH_RECT, (size, size)))
     tolerance_m = p.ground_share * p.resolved_m
     tolerated_m = tolerance_m
     trend = local_planes(height_m, weight, trend_cells, p.trend_ridge, p)
@@ -91,7 +96,8 @@ def local_ground(
         ground = _follow(height_m, trusted, trend.height, smoothing_cells)
         tolerated_m = tolerance_m * p.second_ground_share
     tolerated = np.hypot(np.float32(tolerance_m), viewpoint.noise_m(trend))
-    is_bare = present & (height_m - envelope < tolerated) & (height_m - ground < p.resolved_m)
+    is_bare = present & (height_m - _wide_terrain(filled, present, size, p) < tolerated)
+    is_bare &= height_m - ground < p.wall_share * p.resolved_m
     return LocalGround(ground, trusted, trend, _without_feet(is_bare, present))
 
 
@@ -108,13 +114,30 @@ def _without_feet(near: NDArray[np.bool_], present: NDArray[np.bool_]) -> NDArra
     return np.asarray(near & (cv2.dilate(standing, np.ones((3, 3), np.uint8)) == 0))
 
 
-def _opened(height_m: Grid, present: NDArray[np.bool_], size: int) -> Grid:
-    # A square kernel takes two passes over the map, a disc one for each of its cells.
-    kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
-    far = np.float32(1e6)
-    lowest = cv2.erode(np.where(present, height_m, far), kernel, borderType=cv2.BORDER_REPLICATE)
+def _wide_terrain(
+    height_m: Grid, present: NDArray[np.bool_], size: int, parameters: TerrainParameters
+) -> Grid:
+    """Height of what is as wide as the opening, with its outlines.
+
+    A square would cut all outlines that do not run along the axes; a disc cuts only corners and
+    dents. Reconstruction (Vincent 1993) regrows these, by a few cells only: without that limit it
+    would also climb the rocks that touch a ledge.
+    """
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    terrain_m = _opened(height_m, present, kernel)
+    for _ in range(parameters.regrown_cells):
+        terrain_m[~present] = -_FAR_M
+        grown_m = cv2.dilate(terrain_m, np.ones((3, 3), np.uint8))
+        terrain_m = np.minimum(grown_m, np.maximum(height_m, terrain_m))
+    return terrain_m
+
+
+def _opened(height_m: Grid, present: NDArray[np.bool_], kernel: cv2.typing.MatLike) -> Grid:
+    lowest = cv2.erode(
+        np.where(present, height_m, _FAR_M), kernel, borderType=cv2.BORDER_REPLICATE
+    )
     # Empty cells behind a rock are near nothing but the rock: the envelope must not rise to it.
-    lowest = np.where(present, lowest, -far)
+    lowest = np.where(present, lowest, -_FAR_M)
     return np.asarray(cv2.dilate(lowest, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
 
 

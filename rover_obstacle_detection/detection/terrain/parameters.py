@@ -45,6 +45,9 @@ class TerrainParameters:
         Height noise below which a pixel's weight grows no further.
     opening_m, opening_cells : float
         Narrower objects are removed by opening before the ground is followed; the larger counts.
+    regrown_cells : int
+        Cells by which the outlines of what is wider are regrown into corners and dents. Chosen
+        with all suites in view.
     trend_m, trend_cells : float
         Standard deviation of the regression that the ground follows; the larger counts.
     smoothing_m, smoothing_cells : float
@@ -54,6 +57,9 @@ class TerrainParameters:
         lower envelope, up to which nothing stands on it.
     second_ground_share : float
         Factor on that in the second pass, which starts from better ground.
+    wall_share : float
+        Height over the ground, relative to `resolved_m`, from which a cell is part of a wall.
+        Chosen with all suites and the real pairs in view.
     trend_ridge, rise_ridge : float
         Regularisation of the regression for the trend and the rise, as a share of the Gaussian's
         variance.
@@ -165,12 +171,14 @@ class TerrainParameters:
     min_noise_m: float = 0.005
     opening_m: float = 0.7
     opening_cells: float = 3.0
+    regrown_cells: int = 2
     trend_m: float = 0.4
     trend_cells: float = 2.5
     smoothing_m: float = 0.08
     smoothing_cells: float = 1.2
     ground_share: float = 0.5
     second_ground_share: float = 0.6
+    wall_share: float = 2.0
     trend_ridge: float = 0.02
     rise_ridge: float = 1e-3
     cells_per_sigma: int = 3

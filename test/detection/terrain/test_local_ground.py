@@ -75,7 +75,19 @@ def test_the_face_of_a_ledge_is_bare_although_it_is_no_ground(rise_m):
 def test_a_wall_is_not_bare_however_wide():
     is_bare = local(np.where(ROWS < 43, 0.0, 0.6)).is_bare
     assert is_bare[:42].all()
-    assert not is_bare[43:47].any()
+    assert not is_bare[43:45].any()
+
+
+def test_the_outline_of_a_ledge_is_bare_and_a_rock_before_it_is_not():
+    # Turned against the axes, with dents.
+    edge = 60 - 0.7 * COLUMNS + 2 * (COLUMNS // 3 % 2)
+    terrain = np.where(edge > ROWS, 0.0, 0.08)
+    rock = np.s_[16:24, 10:18]
+    terrain[rock] = 0.3
+    is_bare = local(terrain).is_bare
+    assert not is_bare[rock].any()
+    is_bare[15:25, 9:19] = True
+    assert is_bare.all()
 
 
 @pytest.mark.parametrize(('size_m', 'height'), [(0.2, 0.15), (0.4, 0.3), (0.6, 0.5)])
