@@ -85,10 +85,9 @@ class BrimParameters:
     blur_px : int
         Rows above the last match before a brim that are marked. Derived: matching may place a brim
         a few pixels too high.
-    edge_m, edge_px : float, int
-        Ground before a brim that is marked, and least rows of it. Derived: the finest scale at
-        which slopes are measured, where the ground falls with the brim; a planner needs some
-        points to see it.
+    edge_px : int
+        Least rows of the ground before a brim that are marked: a planner needs some points to see
+        it.
     possible_share : float
         Visible fall from which a brim is possible, as a share of the step: what is hidden behind
         it may lie deeper. Chosen with all suites in view.
@@ -135,7 +134,6 @@ class BrimParameters:
     reach_px: int = 4
     max_unseen_px: int = 12
     blur_px: int = 1
-    edge_m: float = 0.14
     edge_px: int = 2
     possible_share: float = 0.5
     support_px: int = 12

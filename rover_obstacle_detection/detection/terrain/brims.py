@@ -18,7 +18,7 @@ from rover_obstacle_detection.detection.terrain.jumps import (
     one_in_each_fall,
     whole_brims,
 )
-from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.parameters import LEDGE_RUN, TerrainParameters
 from rover_obstacle_detection.detection.terrain.surface import Nearest, Surface
 
 Image = NDArray[np.float32]
@@ -43,8 +43,10 @@ class Brims:
         ground.
     level_m : ndarray of float32, shape (n,)
         Height of the ground at each brim, metres.
+    edge_m : ndarray of float32, shape (n,)
+        Length of the ground before each brim that belongs to its edge, metres.
     edge_rows : ndarray of int, shape (n,)
-        Rows of the ground before each brim that belong to its edge.
+        Rows of the image that show it.
     surface : Surface
         What may lie lower.
     """
@@ -55,6 +57,7 @@ class Brims:
     deep: Mask
     sure: Mask
     level_m: Image
+    edge_m: Image
     edge_rows: Rows
     surface: Surface
 
@@ -96,6 +99,7 @@ class Brims:
             deep=self.deep[chosen],
             sure=self.sure[chosen],
             level_m=self.level_m[chosen],
+            edge_m=self.edge_m[chosen],
             edge_rows=self.edge_rows[chosen],
         )
 
@@ -135,7 +139,7 @@ class Brims:
         beside = np.zeros((height, width), np.uint8)
         rows, columns = self.rows, self.columns
         brim = self.surface.points(rows, columns)
-        reach = np.minimum(np.rint(parameters.edge_m * brim.columns_per_metre), width)
+        reach = np.minimum(np.rint(self.edge_m * brim.columns_per_metre), width)
         first, second = _neighbours(rows, columns, parameters.reach_px)
         joined = np.abs(brim.along_m[second] - brim.along_m[first]) < parameters.max_gap_m
         # Across the view, the edges before the brims are enough.
@@ -207,8 +211,30 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
     # Where matching blurs the ground just before it, a brim looks like a crest.
     rows_per_metre = surface.rows_per_metre(brim)
     sure &= p.before_m * rows_per_metre > p.reach_px
-    edge_rows = np.maximum(np.rint(p.edge_m * rows_per_metre), p.edge_px).astype(np.intp)
-    return Brims(rows, columns, drop_rows, deep, sure, brim.height_m, edge_rows, surface)
+    fall_m = brim.height_m - above.height_m[np.maximum(drop_rows - 1, 0), columns]
+    edge_m = steep_length_m(fall_m, parameters)
+    edge_rows = np.maximum(np.rint(edge_m * rows_per_metre), p.edge_px).astype(np.intp)
+    return Brims(rows, columns, drop_rows, deep, sure, brim.height_m, edge_m, edge_rows, surface)
+
+
+def steep_length_m(fall_m: Image, parameters: TerrainParameters) -> Image:
+    """Length of the ground before a fall that is too steep at the finest scale of slopes, metres.
+
+    A Gaussian turns a fall of ``h`` into a slope of ``h exp(-x^2 / 2 s^2) / (sqrt(2 pi) s)`` at a
+    distance of ``x``. At least one of its standard deviations ``s``: a wheel is as wide, and a
+    planner needs some points to see the edge.
+
+    Parameters
+    ----------
+    fall_m : ndarray of float32, shape (n,)
+        NaN where the fall is not seen.
+    parameters : TerrainParameters
+    """
+    scale_m = parameters.scales_of_rise_m[0]
+    limit = max(math.tan(math.radians(parameters.max_slope_deg)), 1e-6)
+    steepness = fall_m / np.float32(LEDGE_RUN * scale_m * limit)
+    sigmas = np.sqrt(2 * np.log(np.fmax(steepness, np.float32(1))))
+    return np.asarray(scale_m * np.maximum(sigmas, 1), np.float32)
 
 
 def _places(jumps: Jumps, below: Nearest, parameters: BrimParameters) -> Rows:

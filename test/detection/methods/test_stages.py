@@ -112,7 +112,7 @@ def test_ground_near_a_possible_brim_is_not_free():
     def brims(stereo, parameters):
         surface = Surface(stereo, parameters)
         level_m = np.zeros(100, np.float32)
-        return Brims(rows, columns, rows, no, no, level_m, np.full(100, 5), surface)
+        return Brims(rows, columns, rows, no, no, level_m, level_m, np.full(100, 5), surface)
 
     whole, found = detect(HYBRID_STAGES), detect(replace(HYBRID_STAGES, brims=brims))
     np.testing.assert_array_equal(found.mask, whole.mask)

@@ -12,12 +12,12 @@ from rover_obstacle_detection.detection.terrain.brims import Brims
 from rover_obstacle_detection.detection.terrain.level_brims import AllBrims
 
 
-def brims_at(surface, *places, level_m=0.0, deep=True, sure=True):
+def brims_at(surface, *places, level_m=0.0, edge_m=0.14, deep=True, sure=True):
     """Brims with given rows, columns and numbers of rows in their edges."""
     rows, columns, edge_rows = np.array(places).T
     are_deep, are_sure = (np.full(len(rows), each) for each in (deep, sure))
-    levels_m = np.full(len(rows), level_m, np.float32)
-    return Brims(rows, columns, rows, are_deep, are_sure, levels_m, edge_rows, surface)
+    levels_m, edges_m = (np.full(len(rows), each, np.float32) for each in (level_m, edge_m))
+    return Brims(rows, columns, rows, are_deep, are_sure, levels_m, edges_m, edge_rows, surface)
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from relief import PARAMETERS, PosedCamera, bank, block, flat
 from synthetic import pinhole
 
 from rover_obstacle_detection.detection.terrain.brim_parameters import BrimParameters
-from rover_obstacle_detection.detection.terrain.brims import find_brims
+from rover_obstacle_detection.detection.terrain.brims import find_brims, steep_length_m
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 
 # As many rows as in real images: a few of them are little ground.
 CAMERA = pinhole(44, 320, 60.0, 0.15)
@@ -136,10 +139,23 @@ def test_the_ground_within_a_wheels_reach_before_a_brim_is_its_edge():
     found = Found(edge())
     before_m = np.where(found.edge, 2 - found.y, np.nan)[found.y < 2]
     assert np.nanmin(before_m) < 0.03
-    assert 0.12 < np.nanmax(before_m) < 0.18
+    assert 0.15 < np.nanmax(before_m) < 0.2
     marked = found.edge.sum(axis=0)[found.columns]
     p = found.parameters.brims
     assert (marked == found.brims.edge_rows + p.blur_px + 1).all()
+
+
+@pytest.mark.parametrize('max_slope_deg', [15.0, 25.0])
+@pytest.mark.parametrize('fall_m', [0.2, 0.5, 2.0])
+def test_an_edge_is_as_long_as_the_smoothed_fall_is_too_steep(fall_m, max_slope_deg):
+    p = TerrainParameters(max_slope_deg=max_slope_deg)
+    cell_m, scale_m = 0.001, p.scales_of_rise_m[0]
+    ground = np.where(np.arange(2001) < 1000, 0, -fall_m).astype(np.float32)[np.newaxis]
+    smooth = cv2.GaussianBlur(ground, (0, 0), scale_m / cell_m)[0]
+    too_steep = -np.gradient(smooth, cell_m) > math.tan(math.radians(max_slope_deg))
+    expected_m = max(cell_m * np.count_nonzero(too_steep[:1000]), scale_m)
+    found_m = steep_length_m(np.array([fall_m, np.nan], np.float32), p)
+    np.testing.assert_allclose(found_m, [expected_m, scale_m], atol=2 * cell_m)
 
 
 def test_an_edge_ends_with_the_image():
@@ -150,9 +166,9 @@ def test_an_edge_ends_with_the_image():
 
 
 def test_an_edge_has_some_rows_however_far_away():
-    p = BrimParameters(edge_m=0.0, edge_px=6)
+    p = BrimParameters(edge_px=60)
     found = Found(edge(), brims=p)
-    assert (found.edge.sum(axis=0)[found.columns] == p.blur_px + 7).all()
+    assert (found.edge.sum(axis=0)[found.columns] == p.blur_px + 61).all()
 
 
 def test_what_lies_lower_behind_a_brim_is_beyond_it():
