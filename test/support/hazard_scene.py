@@ -29,7 +29,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 # Of images with 480 rows.
 MARGIN_PX = 3
 BAND_PX = 12
-EDGE_M = 0.15
+EDGE_M = 0.2
 COVER_MARGIN_PX = 24
 ROWS = 480
 # Free ground counts up to this many camera heights, and down to this disparity with 480 rows.

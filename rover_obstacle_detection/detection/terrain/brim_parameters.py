@@ -85,9 +85,12 @@ class BrimParameters:
     blur_px : int
         Rows above the last match before a brim that are marked. Derived: matching may place a brim
         a few pixels too high.
+    edge_sigmas : tuple of float
+        Least and most ground before a brim that is marked, standard deviations of the finest scale
+        of slopes. Derived: half a wheel; a fall of 0.7 m, as a planner keeps its own distance from
+        deeper ones.
     edge_px : int
-        Least rows of the ground before a brim that are marked: a planner needs some points to see
-        it.
+        Least rows of it. Derived: a planner needs some points to see it.
     possible_share : float
         Visible fall from which a brim is possible, as a share of the step: what is hidden behind
         it may lie deeper. Chosen with all suites in view.
@@ -134,6 +137,7 @@ class BrimParameters:
     reach_px: int = 4
     max_unseen_px: int = 12
     blur_px: int = 1
+    edge_sigmas: tuple[float, float] = (1.0, 2.0)
     edge_px: int = 2
     possible_share: float = 0.5
     support_px: int = 12

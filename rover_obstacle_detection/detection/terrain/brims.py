@@ -220,9 +220,8 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
 def steep_length_m(fall_m: Image, parameters: TerrainParameters) -> Image:
     """Length of the ground before a fall that is too steep at the finest scale of slopes, metres.
 
-    A Gaussian turns a fall of ``h`` into a slope of ``h exp(-x^2 / 2 s^2) / (sqrt(2 pi) s)`` at a
-    distance of ``x``. At least one of its standard deviations ``s``: a wheel is as wide, and a
-    planner needs some points to see the edge.
+    A Gaussian of standard deviation ``s`` turns a fall of ``h`` into a slope of
+    ``h exp(-x^2 / 2 s^2) / (sqrt(2 pi) s)`` at a distance of ``x``.
 
     Parameters
     ----------
@@ -234,7 +233,7 @@ def steep_length_m(fall_m: Image, parameters: TerrainParameters) -> Image:
     limit = max(math.tan(math.radians(parameters.max_slope_deg)), 1e-6)
     steepness = fall_m / np.float32(LEDGE_RUN * scale_m * limit)
     sigmas = np.sqrt(2 * np.log(np.fmax(steepness, np.float32(1))))
-    return np.asarray(scale_m * np.maximum(sigmas, 1), np.float32)
+    return np.asarray(scale_m * np.clip(sigmas, *parameters.brims.edge_sigmas), np.float32)
 
 
 def _places(jumps: Jumps, below: Nearest, parameters: BrimParameters) -> Rows:
