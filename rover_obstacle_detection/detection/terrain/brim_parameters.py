@@ -87,8 +87,8 @@ class BrimParameters:
         a few pixels too high.
     edge_sigmas : tuple of float
         Least and most ground before a brim that is marked, standard deviations of the finest scale
-        of slopes. Derived: half a wheel; a fall of 0.7 m, as a planner keeps its own distance from
-        deeper ones.
+        of slopes. Derived from falls of 0.25 m, as there may be more than is seen, and of 0.7 m,
+        as a planner keeps its own distance from deeper ones.
     edge_px : int
         Least rows of it. Derived: a planner needs some points to see it.
     possible_share : float
@@ -137,7 +137,7 @@ class BrimParameters:
     reach_px: int = 4
     max_unseen_px: int = 12
     blur_px: int = 1
-    edge_sigmas: tuple[float, float] = (1.0, 2.0)
+    edge_sigmas: tuple[float, float] = (1.4, 2.0)
     edge_px: int = 2
     possible_share: float = 0.5
     support_px: int = 12
