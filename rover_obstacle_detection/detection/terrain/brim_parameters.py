@@ -85,10 +85,10 @@ class BrimParameters:
     blur_px : int
         Rows above the last match before a brim that are marked. Derived: matching may place a brim
         a few pixels too high.
-    edge_sigmas : tuple of float
-        Least and most ground before a brim that is marked, standard deviations of the finest scale
-        of slopes. Derived from falls of 0.25 m, as there may be more than is seen, and of 0.7 m,
-        as a planner keeps its own distance from deeper ones.
+    edge_m : tuple of float
+        Least and most ground before a brim that is marked. Derived from the slope that falls of
+        0.25 and 0.7 m make at the scale of a wheel: a fall may be deeper than is seen, and from
+        deep ones a planner keeps its own distance. Chosen with all suites in view.
     edge_px : int
         Least rows of it. Derived: a planner needs some points to see it.
     possible_share : float
@@ -137,7 +137,7 @@ class BrimParameters:
     reach_px: int = 4
     max_unseen_px: int = 12
     blur_px: int = 1
-    edge_sigmas: tuple[float, float] = (1.4, 2.0)
+    edge_m: tuple[float, float] = (0.14, 0.2)
     edge_px: int = 2
     possible_share: float = 0.5
     support_px: int = 12

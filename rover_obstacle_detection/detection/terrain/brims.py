@@ -218,7 +218,7 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
 
 
 def steep_length_m(fall_m: Image, parameters: TerrainParameters) -> Image:
-    """Length of the ground before a fall that is too steep at the finest scale of slopes, metres.
+    """Length of the ground before a fall that is too steep for a wheel, metres, within limits.
 
     A Gaussian of standard deviation ``s`` turns a fall of ``h`` into a slope of
     ``h exp(-x^2 / 2 s^2) / (sqrt(2 pi) s)`` at a distance of ``x``.
@@ -229,11 +229,11 @@ def steep_length_m(fall_m: Image, parameters: TerrainParameters) -> Image:
         NaN where the fall is not seen.
     parameters : TerrainParameters
     """
-    scale_m = parameters.scales_of_rise_m[0]
+    scale_m = parameters.rise_scales_m[0]
     limit = max(math.tan(math.radians(parameters.max_slope_deg)), 1e-6)
     steepness = fall_m / np.float32(LEDGE_RUN * scale_m * limit)
-    sigmas = np.sqrt(2 * np.log(np.fmax(steepness, np.float32(1))))
-    return np.asarray(scale_m * np.clip(sigmas, *parameters.brims.edge_sigmas), np.float32)
+    length_m = scale_m * np.sqrt(2 * np.log(np.fmax(steepness, np.float32(1))))
+    return np.asarray(np.clip(length_m, *parameters.brims.edge_m), np.float32)
 
 
 def _places(jumps: Jumps, below: Nearest, parameters: BrimParameters) -> Rows:

@@ -149,14 +149,20 @@ def test_the_ground_within_a_wheels_reach_before_a_brim_is_its_edge():
 @pytest.mark.parametrize('fall_m', [0.1, 0.2, 0.4, 2.0])
 def test_an_edge_is_as_long_as_the_smoothed_fall_is_too_steep(fall_m, max_slope_deg):
     p = TerrainParameters(max_slope_deg=max_slope_deg)
-    cell_m, scale_m = 0.001, p.scales_of_rise_m[0]
+    cell_m, scale_m = 0.001, p.rise_scales_m[0]
     ground = np.where(np.arange(2001) < 1000, 0, -fall_m).astype(np.float32)[np.newaxis]
     smooth = cv2.GaussianBlur(ground, (0, 0), scale_m / cell_m)[0]
     too_steep = -np.gradient(smooth, cell_m) > math.tan(math.radians(max_slope_deg))
-    least_m, most_m = (scale_m * sigmas for sigmas in p.brims.edge_sigmas)
-    expected_m = np.clip(cell_m * np.count_nonzero(too_steep[:1000]), least_m, most_m)
+    expected_m = np.clip(cell_m * np.count_nonzero(too_steep[:1000]), *p.brims.edge_m)
     found_m = steep_length_m(np.array([fall_m, np.nan], np.float32), p)
-    np.testing.assert_allclose(found_m, [expected_m, least_m], atol=2 * cell_m)
+    np.testing.assert_allclose(found_m, [expected_m, p.brims.edge_m[0]], atol=2 * cell_m)
+
+
+@pytest.mark.parametrize('limits', [{'max_slope_deg': 90.0}, {'max_step_m': 0.01}])
+def test_an_edge_is_no_shorter_for_a_rover_that_climbs_any_slope_or_no_step(limits):
+    p = TerrainParameters(**limits)
+    found_m = steep_length_m(np.array([0.1, 0.3], np.float32), p)
+    assert found_m.min() >= np.float32(p.brims.edge_m[0])
 
 
 def test_an_edge_ends_with_the_image():
