@@ -29,6 +29,7 @@ from rover_obstacle_detection.detection.geometry.gravity import Gravity
 # Of images with 480 rows.
 MARGIN_PX = 3
 BAND_PX = 12
+# The longest edge of a brim, see `BrimParameters`.
 EDGE_M = 0.2
 COVER_MARGIN_PX = 24
 ROWS = 480
@@ -224,7 +225,7 @@ def _draw_band(expected: np.ndarray, band: Band, scene: HazardScene, depth: np.n
 
 
 def _nearer(band: Band) -> Band:
-    """The same line, a wheel's reach nearer to the camera."""
+    """The same line, nearer to the camera by the longest edge of a brim."""
     start, end = np.asarray(band.start), np.asarray(band.end)
     across = np.array([end[1] - start[1], start[0] - end[0], 0.0])
     across *= EDGE_M / np.linalg.norm(across)

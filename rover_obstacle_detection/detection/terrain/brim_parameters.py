@@ -86,11 +86,11 @@ class BrimParameters:
         Rows above the last match before a brim that are marked. Derived: matching may place a brim
         a few pixels too high.
     edge_m : tuple of float
-        Least and most ground before a brim that is marked. Derived from the slope that falls of
-        0.25 and 0.7 m make at the scale of a wheel: a fall may be deeper than is seen, and from
-        deep ones a planner keeps its own distance. Chosen with all suites in view.
+        Least and most ground before a brim that is marked. Chosen with all suites in view: at a
+        `max_slope` of 20 degrees, the lengths for falls of 0.25 m, as more may be hidden, and of
+        0.7 m, as a planner keeps its own distance from deeper ones.
     edge_px : int
-        Least rows of it. Derived: a planner needs some points to see it.
+        Least rows of that ground. Derived: a planner needs some points to see it.
     possible_share : float
         Visible fall from which a brim is possible, as a share of the step: what is hidden behind
         it may lie deeper. Chosen with all suites in view.

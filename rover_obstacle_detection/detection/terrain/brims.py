@@ -46,7 +46,7 @@ class Brims:
     edge_m : ndarray of float32, shape (n,)
         Length of the ground before each brim that belongs to its edge, metres.
     edge_rows : ndarray of int, shape (n,)
-        Rows of the image that show it.
+        Rows of the image that show that ground, at least `edge_px`.
     surface : Surface
         What may lie lower.
     """
@@ -218,16 +218,21 @@ def find_brims(stereo: Stereo, parameters: TerrainParameters) -> Brims:
 
 
 def steep_length_m(fall_m: Image, parameters: TerrainParameters) -> Image:
-    """Length of the ground before a fall that is too steep for a wheel, metres, within limits.
+    """How far before a fall the smoothed ground is steeper than `max_slope_deg`, within `edge_m`.
 
-    A Gaussian of standard deviation ``s`` turns a fall of ``h`` into a slope of
-    ``h exp(-x^2 / 2 s^2) / (sqrt(2 pi) s)`` at a distance of ``x``.
+    A Gaussian of standard deviation ``s``, the first of `rise_scales_m`, turns a fall of ``h``
+    into a slope of ``h exp(-x^2 / 2 s^2) / (sqrt(2 pi) s)`` at a distance of ``x``.
 
     Parameters
     ----------
     fall_m : ndarray of float32, shape (n,)
-        NaN where the fall is not seen.
+        Metres; NaN where the fall is not seen.
     parameters : TerrainParameters
+
+    Returns
+    -------
+    ndarray of float32, shape (n,)
+        Metres.
     """
     scale_m = parameters.rise_scales_m[0]
     limit = max(math.tan(math.radians(parameters.max_slope_deg)), 1e-6)

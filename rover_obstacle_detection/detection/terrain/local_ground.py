@@ -67,8 +67,9 @@ def local_ground(
     2. A local linear regression of the cells near it gives the trend. Local constants would
        flatten slopes towards the edge of the visible ground.
     3. The mean of the cells near the trend is the ground.
-    4. Bare is what hardly rises above anything as wide as the opening, with its outlines, and less
-       than a wall above the ground.
+    4. Bare is what hardly rises above anything as wide as the opening, and less than a wall above
+       the ground. Heights are smoothed before that opening, as noise would lower it: a ledge with
+       a sharp edge, higher than 0.10 m, loses its last cell by that.
 
     Steps 2 and 3 run twice, the second time from the ground itself. The first noise estimate uses
     the trend of all cells, rocks included.
@@ -117,11 +118,12 @@ def _without_feet(near: NDArray[np.bool_], present: NDArray[np.bool_]) -> NDArra
 def _wide_terrain(
     height_m: Grid, present: NDArray[np.bool_], size: int, parameters: TerrainParameters
 ) -> Grid:
-    """Height of what is as wide as the opening, with its outlines.
+    """Height of what is as wide as the opening, with its outline.
 
-    A square would cut all outlines that do not run along the axes; a disc cuts only corners and
-    dents. Reconstruction (Vincent 1993) regrows these, by a few cells only: without that limit it
-    would also climb the rocks that touch a ledge.
+    A square is wider along its diagonals: it would remove turned plates that are up to 1.4 times
+    as wide, and cut more off an outline. A disc cuts only corners and small bumps. Geodesic
+    dilation, the step of reconstruction (Vincent 1993), regrows them by a few cells. Repeated
+    until nothing changes, it would also climb the rocks that touch a ledge.
     """
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     terrain_m = _opened(height_m, present, kernel)

@@ -44,22 +44,23 @@ class TerrainParameters:
     min_noise_m : float
         Height noise below which a pixel's weight grows no further.
     opening_m, opening_cells : float
-        Narrower objects are removed by opening before the ground is followed; the larger counts.
+        Narrower objects are removed by opening before the ground is followed, and are left out of
+        slopes; the larger counts.
     regrown_cells : int
-        Cells by which the outlines of what is wider are regrown into corners and dents. Chosen
-        with all suites in view.
+        Cells by which the outline of a ledge grows back into the corners and bumps that the
+        opening cut. Chosen with all suites in view.
     trend_m, trend_cells : float
         Standard deviation of the regression that the ground follows; the larger counts.
     smoothing_m, smoothing_cells : float
         Standard deviation of the final mean; the larger counts.
     ground_share : float
-        Height over the trend, relative to `resolved_m`, up to which a cell is ground; over the
-        lower envelope, up to which nothing stands on it.
+        Height over the trend, relative to `resolved_m`, up to which a cell is ground; over what is
+        as wide as the opening, up to which nothing stands on it.
     second_ground_share : float
         Factor on that in the second pass, which starts from better ground.
     wall_share : float
         Height over the ground, relative to `resolved_m`, from which a cell is part of a wall.
-        Chosen with all suites and the real pairs in view.
+        Chosen with all suites and some real pairs in view.
     trend_ridge, rise_ridge : float
         Regularisation of the regression for the trend and the rise, as a share of the Gaussian's
         variance.

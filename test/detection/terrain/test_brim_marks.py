@@ -108,6 +108,17 @@ def test_the_ground_beside_a_brim_along_the_view_is_marked():
     assert not beside(brims_at(surface, *apart)).any()
 
 
+def test_beside_a_brim_the_longer_edge_of_both_columns_counts():
+    surface = surface_of(np.zeros((100, 200)))
+    steep = [(20 + 30 * step, 100 + step, 2) for step in range(3)]
+    brims = brims_at(surface, *steep)
+    uneven = replace(brims, edge_m=np.array([0.07, 0.07, 0.14], np.float32))
+    np.testing.assert_array_equal(beside(uneven)[65], beside(brims)[65])
+    assert np.count_nonzero(beside(uneven)[25]) < np.count_nonzero(beside(brims)[25])
+    chosen = uneven.among(np.array([False, True, True]))
+    np.testing.assert_array_equal(chosen.edge_m, uneven.edge_m[1:])
+
+
 def test_brims_are_joined_to_the_nearest_of_the_next_column():
     surface = surface_of(np.zeros((100, 200)))
     # Four brims that run along the view side by side, and as many columns apart as may be.

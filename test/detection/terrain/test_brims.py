@@ -135,11 +135,14 @@ def test_a_fall_of_more_than_half_a_step_may_be_a_brim():
     assert not Found(edge(0.5)).possible.columns.size, 'each brim once'
 
 
-def test_the_ground_within_a_wheels_reach_before_a_brim_is_its_edge():
-    found = Found(edge())
+@pytest.mark.parametrize('depth_m', [0.15, 0.35, 0.5, 0.7])
+def test_the_last_ground_before_a_brim_is_its_edge_longer_before_deeper_falls(depth_m):
+    found = Found(edge(depth_m))
     before_m = np.where(found.edge, 2 - found.y, np.nan)[found.y < 2]
     assert np.nanmin(before_m) < 0.03
-    assert 0.15 < np.nanmax(before_m) < 0.2
+    expected_m = steep_length_m(np.array([depth_m], np.float32), found.parameters)[0]
+    assert np.nanmax(before_m) == pytest.approx(expected_m, abs=0.03)
+    np.testing.assert_allclose(np.median(found.brims.edge_m), expected_m, atol=0.01)
     marked = found.edge.sum(axis=0)[found.columns]
     p = found.parameters.brims
     assert (marked == found.brims.edge_rows + p.blur_px + 1).all()
@@ -161,8 +164,9 @@ def test_an_edge_is_as_long_as_the_smoothed_fall_is_too_steep(fall_m, max_slope_
 @pytest.mark.parametrize('limits', [{'max_slope_deg': 90.0}, {'max_step_m': 0.01}])
 def test_an_edge_is_no_shorter_for_a_rover_that_climbs_any_slope_or_no_step(limits):
     p = TerrainParameters(**limits)
-    found_m = steep_length_m(np.array([0.1, 0.3], np.float32), p)
+    found_m = steep_length_m(np.array([0.1, 10.0], np.float32), p)
     assert found_m.min() >= np.float32(p.brims.edge_m[0])
+    np.testing.assert_allclose(found_m[1], 0.14 if 'max_slope_deg' in limits else 0.2)
 
 
 def test_an_edge_ends_with_the_image():

@@ -73,9 +73,23 @@ def test_the_face_of_a_ledge_is_bare_although_it_is_no_ground(rise_m):
 
 
 def test_a_wall_is_not_bare_however_wide():
-    is_bare = local(np.where(ROWS < 43, 0.0, 0.6)).is_bare
-    assert is_bare[:42].all()
-    assert not is_bare[43:45].any()
+    is_bare = local(0.6 * np.clip((ROWS - 43) / 4, 0, 1)).is_bare
+    assert is_bare[:44].all()
+    assert not is_bare[44:49].any()
+    assert local(0.3 * np.clip((ROWS - 43) / 3, 0, 1)).is_bare.all(), 'half as high, a ledge'
+
+
+def test_a_strip_wider_than_the_opening_is_bare_also_where_it_is_turned():
+    across_m = np.abs((ROWS - 45) - (COLUMNS - 50)) / 2**0.5 * CELL_M
+    assert local(np.where(across_m < 0.4, 0.09, 0.0)).is_bare.all()
+
+
+def test_a_rock_that_touches_a_ledge_is_not_bare():
+    terrain = 0.3 * np.clip((ROWS - 49) / 3, 0, 1)
+    terrain[38:50, 45:55] = 0.09
+    is_bare = local(terrain).is_bare
+    assert not is_bare[38:46, 45:55].any()
+    assert is_bare[50:].all()
 
 
 def test_the_outline_of_a_ledge_is_bare_and_a_rock_before_it_is_not():
