@@ -125,22 +125,29 @@ def _wide_terrain(
     dilation, the step of reconstruction (Vincent 1993), regrows them by a few cells. Repeated
     until nothing changes, it would also climb the rocks that touch a ledge.
     """
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    terrain_m = _opened(height_m, present, kernel)
+    # Small discs one after the other make a large one, in less time.
+    times = max(1, round(size / parameters.disc_cells))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size // 2 // times * 2 + 1,) * 2)
+    terrain_m = _opened(height_m, present, kernel, times)
     for _ in range(parameters.regrown_cells):
         terrain_m[~present] = -_FAR_M
-        grown_m = cv2.dilate(terrain_m, np.ones((3, 3), np.uint8))
-        terrain_m = np.minimum(grown_m, np.maximum(height_m, terrain_m))
+        terrain_m = np.minimum(cv2.dilate(terrain_m, np.ones((3, 3), np.uint8)), height_m)
     return terrain_m
 
 
-def _opened(height_m: Grid, present: NDArray[np.bool_], kernel: cv2.typing.MatLike) -> Grid:
+def _opened(
+    height_m: Grid, present: NDArray[np.bool_], kernel: cv2.typing.MatLike, times: int = 1
+) -> Grid:
     lowest = cv2.erode(
-        np.where(present, height_m, _FAR_M), kernel, borderType=cv2.BORDER_REPLICATE
+        np.where(present, height_m, _FAR_M),
+        kernel,
+        iterations=times,
+        borderType=cv2.BORDER_REPLICATE,
     )
     # Empty cells behind a rock are near nothing but the rock: the envelope must not rise to it.
     lowest = np.where(present, lowest, -_FAR_M)
-    return np.asarray(cv2.dilate(lowest, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
+    opened = cv2.dilate(lowest, kernel, iterations=times, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(opened, np.float32)
 
 
 def _follow(height_m: Grid, weight: Grid, trend: Grid, sigma_cells: float) -> Grid:

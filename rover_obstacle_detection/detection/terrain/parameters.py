@@ -46,6 +46,9 @@ class TerrainParameters:
     opening_m, opening_cells : float
         Narrower objects are removed by opening before the ground is followed, and are left out of
         slopes; the larger counts.
+    disc_cells : int
+        Diameter of the largest disc that an opening takes at once. Derived: the opening's, in the
+        finest cells of a rover with a step of 0.10 m or more; its time grows with the square.
     regrown_cells : int
         Cells by which the outline of a ledge grows back into the corners and bumps that the
         opening cut. Chosen with all suites in view.
@@ -172,6 +175,7 @@ class TerrainParameters:
     min_noise_m: float = 0.005
     opening_m: float = 0.7
     opening_cells: float = 3.0
+    disc_cells: int = 17
     regrown_cells: int = 2
     trend_m: float = 0.4
     trend_cells: float = 2.5

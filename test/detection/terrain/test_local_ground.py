@@ -12,12 +12,12 @@ SHAPE = (90, 100)
 ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
 
 
-def local(height, weight=None, distance_noise=0.0, camera_row=-30.0):
+def local(height, weight=None, distance_noise=0.0, camera_row=-30.0, **parameters):
     height = np.asarray(height, np.float32)
     weight = np.ones_like(height) if weight is None else np.asarray(weight, np.float32)
     noise = np.full_like(height, distance_noise)
     viewpoint = Viewpoint(1.2, 50.0, camera_row, noise, 0.3)
-    found = local_ground(height, weight, CELL_M, viewpoint, TerrainParameters())
+    found = local_ground(height, weight, CELL_M, viewpoint, TerrainParameters(**parameters))
     assert ((found.trust == weight) | (found.trust == 0)).all()
     assert found.height_m.dtype == np.float32
     return found
@@ -82,6 +82,15 @@ def test_a_wall_is_not_bare_however_wide():
 def test_a_strip_wider_than_the_opening_is_bare_also_where_it_is_turned():
     across_m = np.abs((ROWS - 45) - (COLUMNS - 50)) / 2**0.5 * CELL_M
     assert local(np.where(across_m < 0.4, 0.09, 0.0)).is_bare.all()
+
+
+@pytest.mark.parametrize('radius_cells', [8, 14])
+def test_discs_one_after_the_other_keep_and_remove_what_one_does(radius_cells):
+    # The opening is 17 cells wide: at once, or by discs of half as many.
+    disc = np.hypot(ROWS - 45, COLUMNS - 50) < radius_cells
+    for most in (17, 9):
+        is_bare = local(np.where(disc, 0.09, 0.0), disc_cells=most).is_bare
+        assert is_bare.all() == (radius_cells == 14)
 
 
 def test_a_rock_that_touches_a_ledge_is_not_bare():
