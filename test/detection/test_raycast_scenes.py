@@ -7,7 +7,7 @@ import math
 import degrade
 import numpy as np
 import pytest
-from hazard_scene import Band, Fault, HazardScene, band_px
+from hazard_scene import EDGE_M, Band, Fault, HazardScene, band_px
 from hazard_scenes import HAZARD_SCENES
 from random_scenes import random_scenes
 from raycast import NOTHING, cast
@@ -163,7 +163,8 @@ def test_band_lies_around_the_brim_and_free_ground_before_it():
         np.flatnonzero(expected[:, 100] == BRIM), rows[np.abs(rows - brim) < half]
     )
     free = np.flatnonzero(expected[:, 100] == FREE)
-    assert free[0] == math.ceil(brim + 2 * half)
+    before = max(brim + 2 * half, row_of(RIG, 1.5 - EDGE_M))
+    assert free[0] == math.ceil(before)
     assert free[-1] == 119
     assert (expected[: int(brim - half), 100] == UNCOUNTED).all()
 
