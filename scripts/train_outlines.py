@@ -34,10 +34,11 @@ from fnmatch import fnmatch
 from itertools import chain
 from pathlib import Path
 
-from outline_training.examples import Example, bags_of_suite, examples_of_bags
+from outline_training.examples import Example, examples_of_bags
 from outline_training.export import read_network, write_model
 from outline_training.score import mean_iou
 from outline_training.train import train
+from training_bags import bags_of_suite
 
 from rover_obstacle_detection.detection.rocks import outline_model
 from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
-from rover_obstacle_detection.detection.rocks.inference import WITHOUT_ONNX_RUNTIME
+from rover_obstacle_detection.detection.network.inference import WITHOUT_ONNX_RUNTIME
 from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.messages.header import stamp_ns

@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from training_bags import straightened_labels
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.bags.stereo import BadFrame
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
-from rover_obstacle_detection.detection.geometry.camera import StereoCamera
 from rover_obstacle_detection.detection.images.grey_pair import grey_pair
-from rover_obstacle_detection.detection.images.resampling import resized
 from rover_obstacle_detection.detection.methods.measurement import measure
 from rover_obstacle_detection.detection.methods.outline_view import outline_view
 from rover_obstacle_detection.detection.parameters import DetectorParameters
-from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE, outline_features
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.frame import LabelledFrame
-from rover_obstacle_detection.evaluation.labels import FREE, NOT_COUNTED, ROCK, connected
+from rover_obstacle_detection.evaluation.labels import FREE, ROCK, connected
 from rover_obstacle_detection.offline.evaluate import BagOptions, labelled_frames
 from rover_obstacle_detection.offline.labelled_bag import find_truth_topics
-from rover_obstacle_detection.simulation.cache import cache_folder, cached_bag, simulated_bag
-from rover_obstacle_detection.simulation.suite import load_suite
 
 _PLACES_PER_PART = 40
 
@@ -56,30 +51,6 @@ class Example:
     rock: torch.Tensor
     counted: torch.Tensor
     places: NDArray[np.intp]
-
-
-def bags_of_suite(
-    suite: str, is_chosen: Callable[[str], bool], *, cached_only: bool = False
-) -> Iterator[Path]:
-    """Render the chosen scenes of a suite, unless the cache has them already.
-
-    Parameters
-    ----------
-    suite : str
-    is_chosen : callable
-        Takes the name of a scene.
-    cached_only : bool
-        Leave out the scenes that the cache does not have.
-
-    Raises
-    ------
-    MissingExtraError
-        If a scene must be rendered, and the extra ``sim`` is not installed.
-    """
-    folder = cache_folder()
-    for scene in load_suite(suite):
-        if is_chosen(scene.name) and (not cached_only or cached_bag(scene, folder).exists()):
-            yield simulated_bag(scene, folder)
 
 
 def examples_of_bags(paths: Iterable[Path]) -> list[Example]:
@@ -136,28 +107,6 @@ def example_of(frame: LabelledFrame) -> Example:
         torch.from_numpy(rock | (labels == FREE)),
         even_places(rock | (standing.parts > 0)),
     )
-
-
-def straightened_labels(
-    labels: NDArray[np.uint8], camera: StereoCamera, correction: Correction
-) -> NDArray[np.uint8]:
-    """Labels of the straightened left image at another resolution: what the features show.
-
-    Parameters
-    ----------
-    labels : ndarray of uint8, shape (height, width)
-        Of the left image.
-    camera : StereoCamera
-        Of the resolution of the outlines.
-    correction : Correction
-    """
-    labels = resized(labels, camera.shape)
-    if not correction.lenses.left:
-        return labels
-    left, _ = correction.lenses.views(camera)
-    labels = left.straightened(labels, cv2.INTER_NEAREST).copy()
-    labels[~left.seen(0)] = NOT_COUNTED
-    return labels
 
 
 def even_places(where: NDArray[np.bool_]) -> NDArray[np.intp]:

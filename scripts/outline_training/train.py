@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch.nn import functional
-from torch.optim.swa_utils import AveragedModel
+from training_loop import PEAK_RATE, minimise
 
 from outline_training.crops import random_crop
 from outline_training.examples import Example
@@ -20,18 +17,12 @@ from outline_training.network import SIDE_PX, OutlineNet
 from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 
 _BATCH = 10
-_PEAK_RATE, _LATER_PEAK_RATE, _LEAST_RATE = 3e-3, 5e-4, 1e-5
-_WARM_UP_STEPS = 100
-_WEIGHT_DECAY = 1e-2
-_AVERAGING = 0.999
-"""Decay of the running mean of the weights: about the last thousand steps count."""
+_LATER_PEAK_RATE = 5e-4
 
 _TEACHER_WEIGHT = 0.7
 _IOU_WEIGHT = 0.5
 _SPECK_PX = 50
 """Pixels, of a crop's 25,600, below which a rock counts less."""
-
-_REPORTED_EVERY = 100
 
 
 class Batch(NamedTuple):
@@ -79,36 +70,14 @@ def train(
     """
     torch.manual_seed(seed)
     generator = np.random.default_rng(seed)
-    net = start or OutlineNet()
-    peak = _LATER_PEAK_RATE if start else _PEAK_RATE
-    mean = AveragedModel(net, multi_avg_fn=update_running_mean)
-    optimizer = torch.optim.AdamW(net.parameters(), weight_decay=_WEIGHT_DECAY)
-    began = time.monotonic()
-    # The next batch is cut while the network learns from this one.
-    with ThreadPoolExecutor(1) as pool:
-        batch = pool.submit(random_batch, examples, generator, teacher)
-        for step in range(steps):
-            passed = (time.monotonic() - began) / 60 / minutes
-            if passed >= 1:
-                break
-            for group in optimizer.param_groups:
-                group['lr'] = learning_rate(step, max(step / steps, passed), peak)
-            now = batch.result()
-            batch = pool.submit(random_batch, examples, generator, teacher)
-            loss = loss_of(pixel_logits(net, now.features), now)
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-            mean.update_parameters(net)
-            if (step + 1) % _REPORTED_EVERY == 0:
-                print(
-                    f'step {step + 1} of {steps}, {(time.monotonic() - began) / 60:.1f} minutes: '
-                    f'loss {loss.item():.3f}',
-                    file=sys.stderr,
-                )
-    averaged = mean.module
-    assert isinstance(averaged, OutlineNet)
-    return averaged
+    return minimise(
+        start or OutlineNet(),
+        lambda: random_batch(examples, generator, teacher),
+        lambda net, batch: loss_of(pixel_logits(net, batch.features), batch),
+        steps,
+        minutes,
+        _LATER_PEAK_RATE if start else PEAK_RATE,
+    )
 
 
 def random_batch(
@@ -125,23 +94,6 @@ def random_batch(
         return Batch(features, rock, counted)
     taught = [torch.from_numpy(teacher.probability(each.numpy())) for each in features]
     return Batch(features, rock, counted, torch.stack(taught))
-
-
-@torch.no_grad()
-def update_running_mean(
-    means: Sequence[torch.Tensor], values: Sequence[torch.Tensor], count: torch.Tensor
-) -> None:
-    """Update an exponential mean, of fewer steps at first so that it forgets the first weights."""
-    decay = min(_AVERAGING, (1 + count.item()) / (10 + count.item()))
-    for mean, value in zip(means, values, strict=True):
-        mean.lerp_(value, 1 - decay)
-
-
-def learning_rate(step: int, progress: float, peak: float = _PEAK_RATE) -> float:
-    """Learning rate that rises linearly at first, then falls as half a cosine."""
-    warm_up = min(1.0, step / _WARM_UP_STEPS)
-    falling = 0.5 * (1 + math.cos(math.pi * progress))
-    return peak * warm_up * falling + _LEAST_RATE
 
 
 def loss_of(logits: torch.Tensor, batch: Batch) -> torch.Tensor:

@@ -12,6 +12,7 @@ import rover_obstacle_detection.detection as detection
 PACKAGE = detection.__name__
 ROOT = Path(detection.__file__).parent
 IN_ORDER = (
+    'network',
     'geometry',
     'images',
     'rectification',

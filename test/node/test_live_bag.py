@@ -15,7 +15,7 @@ from live_graph import ROOT, LiveGraph, Process, Topic, live_graph, write_stereo
 
 from rover_obstacle_detection.bags.reader import open_bag
 from rover_obstacle_detection.cli.main import main
-from rover_obstacle_detection.detection.rocks.inference import WITHOUT_ONNX_RUNTIME
+from rover_obstacle_detection.detection.network.inference import WITHOUT_ONNX_RUNTIME
 from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.messages.header import stamp_ns
 

@@ -15,31 +15,30 @@ pytest.importorskip('onnx', reason='needs the extra train')
 import onnx
 import torch
 import train_outlines
+import training_bags
+import training_loop
 from outline_training import crops, examples, export, train
 from outline_training.crops import CROP_PX, GREY, HEIGHT, MEASURED, SCALE, random_crop
-from outline_training.examples import (
-    Example,
-    even_places,
-    examples_of_bags,
-    straightened_labels,
-)
+from outline_training.examples import Example, even_places, examples_of_bags
 from outline_training.export import read_network, write_model
 from outline_training.network import OutlineNet
 from outline_training.score import mean_iou
 from outline_training.train import Batch, loss_of, pixel_logits
+from training_bags import straightened_labels
 
 from rover_obstacle_detection.detection.config import DetectorConfig
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.network.onnx_metadata import read_metadata
+from rover_obstacle_detection.detection.network.pixel_network import VERSION_KEY
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.rectification.correction import Correction
 from rover_obstacle_detection.detection.rectification.lens_distortion import LensDistortion, Lenses
-from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
 from rover_obstacle_detection.detection.rocks.outline_features import (
     FEATURES,
     FEATURES_VERSION,
     PARALLAX_FEATURES,
 )
-from rover_obstacle_detection.detection.rocks.outline_model import VERSION_KEY, OutlineModel
+from rover_obstacle_detection.detection.rocks.outline_model import OutlineModel
 from rover_obstacle_detection.errors import ModelError, UnjudgeablePairError
 from rover_obstacle_detection.evaluation.labels import NOT_COUNTED, ROCK
 
@@ -156,10 +155,10 @@ def test_training_ends_when_its_time_is_over():
 
 
 def test_the_learning_rate_falls_to_nearly_nothing():
-    rates = [train.learning_rate(step, step / 1000) for step in range(1000)]
-    assert rates[0] == pytest.approx(train._LEAST_RATE)
-    assert max(rates) == pytest.approx(train._PEAK_RATE, rel=0.05)
-    assert rates[-1] < 2 * train._LEAST_RATE
+    rates = [training_loop.learning_rate(step, step / 1000) for step in range(1000)]
+    assert rates[0] == pytest.approx(training_loop._LEAST_RATE)
+    assert max(rates) == pytest.approx(training_loop.PEAK_RATE, rel=0.05)
+    assert rates[-1] < 2 * training_loop._LEAST_RATE
 
 
 def test_what_is_not_counted_does_not_matter():
@@ -340,7 +339,7 @@ def test_iou_counts_frames_with_rocks_and_counted_pixels():
 @pytest.fixture
 def named_bags(monkeypatch):
     """Each bag stands for its own example; nothing is rendered."""
-    monkeypatch.setattr(examples, 'simulated_bag', lambda scene, folder: scene.name)
+    monkeypatch.setattr(training_bags, 'simulated_bag', lambda scene, folder: scene.name)
     monkeypatch.setattr(train_outlines, 'examples_of_bags', lambda paths: [*paths])
 
 
@@ -360,7 +359,7 @@ def test_the_suites_share_no_scene(named_bags):
 def test_scenes_that_the_cache_does_not_have_can_be_left_out(named_bags, monkeypatch, tmp_path):
     for name in ('train_04_vga_slope_up_26', 'train_10_navcam_noon'):
         (tmp_path / name).mkdir()
-    monkeypatch.setattr(examples, 'cached_bag', lambda scene, folder: tmp_path / scene.name)
+    monkeypatch.setattr(training_bags, 'cached_bag', lambda scene, folder: tmp_path / scene.name)
     training, unseen = train_outlines.suites(cached_only=True)
     assert training == ['train_04_vga_slope_up_26']
     assert list(unseen.values()) == [['train_10_navcam_noon'], [], []]

@@ -1,4 +1,7 @@
-"""The tiles of the image that the network looks at: few pixels, hardly any twice."""
+"""The tiles of the image that the network looks at: few pixels, hardly any twice.
+
+Their sides are multiples of `BLOCK_PX`, but at the end of the image.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_obstacle_detection.detection.network.pixel_network import BLOCK_PX
+
 Mask = NDArray[np.bool_]
 Window = tuple[slice, slice]
 """Rows and columns of a part of the image."""
-
-BLOCK_PX = 16
-"""Sides of tiles are multiples of it, but at the end of the image: the network goes down to a
-sixteenth of the resolution."""
 
 CONTEXT_BLOCKS = 1
 """Blocks around a tile that are looked at as well. The network looks farther, but more blocks

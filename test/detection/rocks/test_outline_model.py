@@ -6,6 +6,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from rover_obstacle_detection.detection.network.pixel_network import VERSION_KEY, PixelNetwork
 from rover_obstacle_detection.detection.rocks import outline_model as model_module
 from rover_obstacle_detection.detection.rocks.outline_features import (
     FEATURES,
@@ -14,7 +15,6 @@ from rover_obstacle_detection.detection.rocks.outline_features import (
 )
 from rover_obstacle_detection.detection.rocks.outline_model import (
     MODEL_FILE,
-    VERSION_KEY,
     OutlineModel,
     outline_model,
 )
@@ -80,37 +80,15 @@ def test_threads_may_share_the_model():
             np.testing.assert_array_equal(found, right)
 
 
-@pytest.mark.parametrize('shape', [(352, 80), (376, 80), (80, 352)])
-def test_tall_windows_give_the_same_in_two_halves(monkeypatch, shape):
-    inputs = random_features(*shape)
-    whole = outline_model().probability(inputs)
-    monkeypatch.setattr(model_module, '_MAX_ROWS', 200)
-    np.testing.assert_allclose(outline_model().probability(inputs), whole, atol=1e-4)
-
-
-@pytest.mark.parametrize('side', [2, 4])
-def test_logits_of_squares_of_pixels_are_put_in_their_places(side):
-    class Squares:
-        def run(self, given):
-            planes = expected.reshape(32 // side, side, 48 // side, side)
-            return planes.transpose(1, 3, 0, 2).reshape(side**2, 32 // side, 48 // side)
-
-    expected = np.linspace(0.1, 0.9, 32 * 48).reshape(32, 48).astype(np.float32)
-    model = OutlineModel()
-    logit = np.empty((32, 48), np.float32)
-    model._inference = Squares()
-    model._run(random_features(32, 48), logit)
-    np.testing.assert_array_equal(logit, expected)
-
-
 def test_logits_become_probabilities(monkeypatch):
-    def large(self, features, logit):
-        logit[:] = -500
-        logit[:8] = 500
-        logit[8:16] = 0
-        logit[8:16, :20] = np.log(3)
+    def large(self, features):
+        logit = np.full((1, *features.shape[1:]), -500, np.float32)
+        logit[:, :8] = 500
+        logit[:, 8:16] = 0
+        logit[:, 8:16, :20] = np.log(3)
+        return logit
 
-    monkeypatch.setattr(OutlineModel, '_run', large)
+    monkeypatch.setattr(PixelNetwork, 'values', large)
     found = OutlineModel().probability(random_features(32, 40))
     np.testing.assert_array_equal(found[:8], 1)
     np.testing.assert_array_equal(found[8:16, 20:], 0.5)

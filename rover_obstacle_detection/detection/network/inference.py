@@ -38,7 +38,7 @@ class Inference(Protocol):
 
 
 WITHOUT_ONNX_RUNTIME = (
-    'the outline network runs in OpenCV, which takes twice as long as ONNX Runtime: '
+    'the networks run in OpenCV, which takes twice as long as ONNX Runtime: '
     "pip install 'onnxruntime<1.29'"
 )
 """What a user should know who has no ONNX Runtime."""

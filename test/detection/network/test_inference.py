@@ -10,8 +10,9 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from rover_obstacle_detection.detection.rocks import inference as module
-from rover_obstacle_detection.detection.rocks.inference import (
+from rover_obstacle_detection.detection import rocks
+from rover_obstacle_detection.detection.network import inference as module
+from rover_obstacle_detection.detection.network.inference import (
     OnnxRuntimeInference,
     OpenCVInference,
     load_inference,
@@ -42,7 +43,7 @@ print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.fixture(scope='module')
 def model() -> bytes:
-    return (resources.files(module.__package__) / MODEL_FILE).read_bytes()
+    return (resources.files(rocks) / MODEL_FILE).read_bytes()
 
 
 def planes(height: int, width: int, seed: int = 0) -> np.ndarray:
@@ -93,7 +94,7 @@ def test_a_broken_onnx_runtime_is_named_and_opencv_runs_the_network(
     monkeypatch.delitem(sys.modules, 'onnxruntime', raising=False)
     assert isinstance(load_inference(model), OpenCVInference)
     (text,) = caplog.messages
-    assert text.startswith('ONNX Runtime cannot be used (DLL load failed): the outline network')
+    assert text.startswith('ONNX Runtime cannot be used (DLL load failed): the networks run')
 
 
 @needs_onnx_runtime

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_obstacle_detection.detection.rocks.onnx_metadata import read_metadata
+from rover_obstacle_detection.detection.network.onnx_metadata import read_metadata
 
 # Wire types of Protocol Buffers.
 VARINT, FIXED64, LENGTH_DELIMITED, FIXED32 = 0, 1, 2, 5
