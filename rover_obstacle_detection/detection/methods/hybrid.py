@@ -29,12 +29,14 @@ from rover_obstacle_detection.detection.rocks.standing import standing_parts
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.study.products import StudyProducts
 from rover_obstacle_detection.detection.terrain.border import slope_in_border, walls_in_border
+from rover_obstacle_detection.detection.terrain.cell_evidence import cell_evidence
 from rover_obstacle_detection.detection.terrain.hazards import (
     large_slopes,
     rough_ground,
     tall,
 )
 from rover_obstacle_detection.detection.terrain.level import level_ground, uneven
+from rover_obstacle_detection.detection.terrain.likely_hazards import judged_ground
 from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 
@@ -63,8 +65,14 @@ def detect_hybrid(
     p, full = parameters, frame
     measured = measure(full, p, finished, stages)
     ground = measured.stereo.ground
-    steep = stages.slope(measured.terrain, ground, p.terrain)
-    dropped = stages.drop(measured.terrain, ground, p.terrain)
+    cells = cell_evidence(measured.terrain, ground, p.terrain)
+    steep = stages.slope(measured.terrain, cells, ground, p.terrain)
+    dropped = stages.drop(measured.terrain, cells, p.terrain)
+    edges = measured.brims.edge(p.terrain.brims)
+    likely = stages.hazards(measured.terrain, cells, edges, ground, p.terrain)
+    steep, dropped = judged_ground(
+        likely, steep, dropped, measured.sparse, measured.terrain, p.terrain
+    )
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.

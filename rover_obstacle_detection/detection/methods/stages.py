@@ -29,7 +29,10 @@ from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
 from rover_obstacle_detection.detection.terrain.brims import Brims, find_brims
+from rover_obstacle_detection.detection.terrain.cell_evidence import CellEvidence
+from rover_obstacle_detection.detection.terrain.hazard_model import HazardProbability
 from rover_obstacle_detection.detection.terrain.hazards import dropping_ground, steep_ground
+from rover_obstacle_detection.detection.terrain.likely_hazards import likely_hazards
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.reflections import without_reflections
 from rover_obstacle_detection.detection.terrain.slope import Hazard
@@ -38,6 +41,8 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 from rover_obstacle_detection.detection.terrain.vertical import likely_verticals
 
 Image = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Cells = Sequence[CellEvidence]
 Vector = tuple[float, float, float]
 
 
@@ -59,8 +64,11 @@ class HybridStages:
     verticals: Callable[[Sequence[Layer], GroundPlane, TerrainParameters], Sequence[Vector]] = (
         likely_verticals
     )
-    slope: Callable[[Terrain, GroundPlane, TerrainParameters], Hazard] = steep_ground
-    drop: Callable[[Terrain, GroundPlane, TerrainParameters], Hazard] = dropping_ground
+    slope: Callable[[Terrain, Cells, GroundPlane, TerrainParameters], Hazard] = steep_ground
+    drop: Callable[[Terrain, Cells, TerrainParameters], Hazard] = dropping_ground
+    hazards: Callable[
+        [Terrain, Cells, Mask, GroundPlane, TerrainParameters], HazardProbability
+    ] = likely_hazards
     outlines: Draw = network_outlines
     doubt: Callable[[Detection], Detection] = without_doubtful
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -16,15 +16,14 @@ from rover_obstacle_detection.detection.images.components import (
     rows_of_components,
     small_parts,
 )
+from rover_obstacle_detection.detection.terrain.cell_evidence import CellEvidence
 from rover_obstacle_detection.detection.terrain.elevation_map import Grid, cell_means
-from rover_obstacle_detection.detection.terrain.gradient import ground_height, ground_rise
 from rover_obstacle_detection.detection.terrain.local_ground import smoothed
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.slope import (
     Hazard,
+    Hollows,
     SteepCells,
-    hollow_depth,
-    level_heights,
     steep_cells,
 )
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
@@ -32,29 +31,36 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 Mask = NDArray[np.bool_]
 
 
-def steep_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
-    """Find the pixels of ground that is steeper than the rover can climb.
+def steep_ground(
+    terrain: Terrain,
+    cells: Sequence[CellEvidence],
+    ground: GroundPlane,
+    parameters: TerrainParameters,
+) -> Hazard:
+    """Find the pixels of ground that is measured to be steeper than the rover can climb.
 
     Parameters
     ----------
     terrain : Terrain
+    cells : sequence of CellEvidence
+        Of its maps.
     ground : GroundPlane
         With the vertical that slopes are measured against.
     parameters : TerrainParameters
     """
     p = parameters
 
-    def steep(layer: Layer) -> SteepCells:
-        cells = steep_cells(ground_rise(layer, p), ground, p)
-        if not cells.found.any():
-            return cells
+    def steep(each: CellEvidence) -> SteepCells:
+        found = steep_cells(each.rise, ground, p)
+        if not found.found.any():
+            return found
         # Smoothing takes the edges of a slope.
         margin_m = p.slope_margin_m + p.scales_of_rise_m[0]
-        beside = _dilated(cells.found, margin_m / layer.positions.cell_m)
-        return cells._replace(possible=cells.possible | beside)
+        beside = _dilated(found.found, margin_m / each.layer.positions.cell_m)
+        return found._replace(possible=found.possible | beside)
 
-    found, possible, certain = _on_pixels(terrain, steep, 3)
-    return Hazard(parts_with(certain, found & _quiet(terrain, p)), possible)
+    found, possible, certain = _on_pixels(terrain, cells, steep, 3)
+    return Hazard(parts_with(certain, found & quiet(terrain, p)), possible)
 
 
 def large_slopes(steep: Mask, parameters: TerrainParameters) -> Mask:
@@ -78,48 +84,46 @@ def large_slopes(steep: Mask, parameters: TerrainParameters) -> Mask:
 
 
 def dropping_ground(
-    terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters
+    terrain: Terrain, cells: Sequence[CellEvidence], parameters: TerrainParameters
 ) -> Hazard:
     """Find the pixels of ground that lies deeper below its rim than the rover can step.
 
     Parameters
     ----------
     terrain : Terrain
-    ground : GroundPlane
-        With the vertical.
+    cells : sequence of CellEvidence
+        Of its maps.
     parameters : TerrainParameters
     """
     p = parameters
 
-    def dropped(layer: Layer) -> Hazard:
-        cell_m = layer.positions.cell_m
-        height_m, noise_m = ground_height(layer, p)
-        level_m = level_heights(height_m, cell_m, ground)
-        depth_m = hollow_depth(level_m, layer.seen, cell_m, p)
+    def dropped(each: CellEvidence) -> Hazard:
+        depth_m, noise_m = each.hollows.depth_m, each.hollows.noise_m
         found = depth_m > p.max_step_m + p.drop_noises * noise_m
         least_m = min(p.min_hollow_m, p.max_step_m / 2)
         most_m = np.maximum(p.max_step_m - p.free_noises * noise_m, least_m)
         possible = depth_m > most_m
         certain = found & (noise_m < p.max_ground_noise_share * p.max_step_m)
         if certain.any():
-            possible |= _below_rim_nearby(certain, level_m, depth_m, cell_m, p) > most_m
+            cell_m = each.layer.positions.cell_m
+            possible |= _below_rim_nearby(certain, each.hollows, cell_m, p) > most_m
         return Hazard(np.asarray(found), np.asarray(possible))
 
-    found, possible = _on_pixels(terrain, dropped, 2)
-    return Hazard(found & _quiet(terrain, p), possible)
+    found, possible = _on_pixels(terrain, cells, dropped, 2)
+    return Hazard(found & quiet(terrain, p), possible)
 
 
 def _below_rim_nearby(
-    found: Mask, level_m: Grid, depth_m: Grid, cell_m: float, parameters: TerrainParameters
+    found: Mask, hollows: Hollows, cell_m: float, parameters: TerrainParameters
 ) -> Grid:
     """Depth below the highest rim of a hollow found nearby.
 
     A hollow may go on where its rim is hidden or outside the view.
     """
-    rim_m = np.where(found, level_m + depth_m, np.float32(-1e4))
+    rim_m = np.where(found, hollows.level_m + hollows.depth_m, np.float32(-1e4))
     size = round(parameters.max_hollow_m / cell_m) | 1
     highest_m = cv2.dilate(rim_m, cv2.getStructuringElement(cv2.MORPH_RECT, (size, size)))
-    return np.asarray(highest_m - level_m, np.float32)
+    return np.asarray(highest_m - hollows.level_m, np.float32)
 
 
 def rough_ground(terrain: Terrain, obstacles: Mask, parameters: TerrainParameters) -> Mask:
@@ -173,7 +177,7 @@ def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     noise_m = parameters.certain_noises * terrain.noise_m
     with np.errstate(invalid='ignore'):
         high = terrain.height_m > parameters.min_wall_m + noise_m
-    high &= _quiet(terrain, parameters)
+    high &= quiet(terrain, parameters)
     if not high.any():
         return np.asarray(high)
     # What is small and high up stands on nothing: a false match.
@@ -185,7 +189,8 @@ def tall(terrain: Terrain, parameters: TerrainParameters) -> Mask:
     return marked(high.shape, pixels[large[owner]])
 
 
-def _quiet(terrain: Terrain, parameters: TerrainParameters) -> Mask:
+def quiet(terrain: Terrain, parameters: TerrainParameters) -> Mask:
+    """Mark where the height is known well enough to judge slopes and drops."""
     limit_m = parameters.max_ground_noise_share * parameters.max_step_m
     return np.asarray(terrain.noise_m < limit_m)
 
@@ -197,13 +202,16 @@ def _dilated(cells: Mask, radius: float) -> Mask:
 
 
 def _on_pixels(
-    terrain: Terrain, judge: Callable[[Layer], tuple[Mask, ...]], count: int
+    terrain: Terrain,
+    cells: Sequence[CellEvidence],
+    judge: Callable[[CellEvidence], tuple[Mask, ...]],
+    count: int,
 ) -> list[Mask]:
-    """Pixels of the kinds of cells that each layer has."""
+    """Pixels of the kinds of cells that each map has."""
     kinds = [np.zeros(terrain.height_m.shape, np.bool_) for _ in range(count)]
-    for layer in terrain.layers:
-        for pixels, cells in zip(kinds, judge(layer), strict=True):
-            _fill(pixels, layer, cells)
+    for each in cells:
+        for pixels, chosen in zip(kinds, judge(each), strict=True):
+            _fill(pixels, each.layer, chosen)
     return kinds
 
 

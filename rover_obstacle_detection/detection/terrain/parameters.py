@@ -105,6 +105,11 @@ class TerrainParameters:
         Ground beside a slope that may belong to it, besides the narrowest scale. Tuned between
         free ground and the share of slopes called free, also on the tuning scenes of the suite
         `hazards`.
+    hazard_probability : float
+        Network output from which ground is too steep or drops away. Chosen with all suites in
+        view: fewer false alarms than with a half.
+    free_hazard_probability : float
+        Network output up to which ground is ruled out as a hazard.
     min_scale_cells : float
         Least standard deviation of the windows of drop and roughness, cells.
     drop_scale_m : float
@@ -201,6 +206,8 @@ class TerrainParameters:
     certain_slope_share: float = 0.05
     steep_share: float = 0.4
     slope_margin_m: float = 0.06
+    hazard_probability: float = 0.7
+    free_hazard_probability: float = 0.1
     min_scale_cells: float = 0.6
     drop_scale_m: float = 0.10
     common_noise_share: float = 0.5

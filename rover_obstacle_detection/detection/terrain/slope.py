@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
@@ -69,13 +70,7 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     Where the rise is only known at a wide scale, a ledge is as flat as a gentle slope: there,
     ground is ruled out as a slope only if it is flatter than a ledge would look.
     """
-    right, forward = ground_axes(ground)
-    up, normal = np.asarray(ground.up), np.asarray(ground.normal)
-    # In the plane's axes the surface normal is (-rise.right, -rise.forward, 1).
-    upward = (
-        float(normal @ up) - float(right @ up) * rise.right - float(forward @ up) * rise.forward
-    )
-    upward /= np.sqrt(1 + rise.right * rise.right + rise.forward * rise.forward)
+    upward = _upward(rise, ground)
     known = rise.noise < math.tan(math.radians(parameters.max_rise_noise_deg))
     limit = math.radians(parameters.max_slope_deg)
     nearly = max(limit - math.radians(parameters.lost_slope_deg), 0)
@@ -101,6 +96,23 @@ def steep_cells(rise: Rise, ground: GroundPlane, parameters: TerrainParameters) 
     )
     found = np.asarray(steep | kept[labels])
     return SteepCells(found, np.asarray(possible), found & certain[labels])
+
+
+def steepness(rise: Rise, ground: GroundPlane) -> Grid:
+    """Tangent of the slope against the horizontal."""
+    upward = np.clip(_upward(rise, ground), np.float32(0.1), 1)
+    return np.asarray(np.sqrt(1 / (upward * upward) - 1), np.float32)
+
+
+def _upward(rise: Rise, ground: GroundPlane) -> Grid:
+    """Cosine of the slope against the horizontal."""
+    right, forward = ground_axes(ground)
+    up, normal = np.asarray(ground.up), np.asarray(ground.normal)
+    # In the plane's axes the surface normal is (-rise.right, -rise.forward, 1).
+    upward = (
+        float(normal @ up) - float(right @ up) * rise.right - float(forward @ up) * rise.forward
+    )
+    return np.asarray(upward / np.sqrt(1 + rise.right * rise.right + rise.forward * rise.forward))
 
 
 def _beyond_noise(
@@ -137,6 +149,23 @@ def _beyond_noise(
 def _slope_of_a_ledge(scale_m: Grid, max_step_m: float) -> Grid:
     """Slope of a ledge as high as the rover's step, as each scale shows it, radians."""
     return np.asarray(np.arctan(np.float32(max_step_m / LEDGE_RUN) / scale_m), np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Hollows:
+    """Depth below the rim around, at rover scale.
+
+    Parameters
+    ----------
+    level_m : ndarray of float32, shape of the map
+        Height of the ground along the vertical, from any level, metres.
+    depth_m, noise_m : ndarray of float32, shape of the map
+        Depth and its standard deviation, metres.
+    """
+
+    level_m: Grid
+    depth_m: Grid
+    noise_m: Grid
 
 
 def level_heights(relief_m: Grid, cell_m: float, ground: GroundPlane) -> Grid:

@@ -171,7 +171,9 @@ def _map_layer(
     trust = points.trust[rows]
     sums = CellSums(usable & (trust > 0), positions)
     mean_m, weight = sums.means(points.over_plane_m[rows], trust)
+    square_m2, _ = sums.means(np.square(points.over_plane_m[rows]), trust)
     noise_m, information = sums.means(points.noise_m[rows], points.information[rows])
+    relief_m2 = square_m2 - mean_m * mean_m - noise_m * noise_m
     lever = lever_m(
         np.float32(camera_height_m) - mean_m, camera_height_m, parameters.min_lever_share
     )
@@ -191,6 +193,7 @@ def _map_layer(
         is_bare=ground.is_bare,
         mean_m=mean_m,
         noise_m=noise_m,
+        relief_m=np.sqrt(np.maximum(relief_m2, 0)),
         information=information,
         ground_m=ground.height_m,
         camera_m=viewpoint.above(ground.trend),

@@ -40,6 +40,8 @@ class Layer:
         Mean height of each cell's pixels over the plane, metres.
     noise_m : ndarray of float32, shape of the map
         Standard deviation of the height of one of its pixels, metres; 0 in empty cells.
+    relief_m : ndarray of float32, shape of the map
+        Standard deviation of the heights within each cell, beyond their noise, metres.
     information : ndarray of float32, shape of the map
         Sum of 1 / variance over the pixels of each cell, 1 / m^2.
     ground_m : ndarray of float32, shape of the map
@@ -55,6 +57,7 @@ class Layer:
     is_bare: NDArray[np.bool_]
     mean_m: Grid
     noise_m: Grid
+    relief_m: Grid
     information: Grid
     ground_m: Grid
     camera_m: Grid

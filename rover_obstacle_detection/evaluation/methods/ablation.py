@@ -38,6 +38,7 @@ from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
 from rover_obstacle_detection.detection.terrain.brims import Brims, find_brims
+from rover_obstacle_detection.detection.terrain.hazard_model import HazardProbability
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.survey import layer_spans, survey_layers
@@ -121,10 +122,16 @@ def _vertical_of_plane(
     return [ground.up]
 
 
-def _no_ground(terrain: Terrain, ground: GroundPlane, parameters: TerrainParameters) -> Hazard:
+def _no_hazard(terrain: Terrain, *others: object) -> Hazard:
     """Find no impassable ground."""
     nothing = np.zeros(terrain.height_m.shape, np.bool_)
     return Hazard(nothing, nothing)
+
+
+def _measured_hazards(terrain: Terrain, *others: object) -> HazardProbability:
+    """Let the network neither find a hazard nor rule one out."""
+    undecided = np.full_like(terrain.height_m, TerrainParameters().free_hazard_probability + 1e-3)
+    return HazardProbability(undecided, np.zeros_like(undecided))
 
 
 def _outlines_by_height(
@@ -183,8 +190,9 @@ ABLATIONS: Mapping[str, HybridStages] = {
     'brims': replace(HYBRID_STAGES, brims=_no_brims),
     'layers': replace(HYBRID_STAGES, survey=_single_layer),
     'vertical': replace(HYBRID_STAGES, verticals=_vertical_of_plane),
-    'slope': replace(HYBRID_STAGES, slope=_no_ground),
-    'drop': replace(HYBRID_STAGES, drop=_no_ground),
+    'slope': replace(HYBRID_STAGES, slope=_no_hazard),
+    'drop': replace(HYBRID_STAGES, drop=_no_hazard),
+    'hazards': replace(HYBRID_STAGES, hazards=_measured_hazards),
     'outlines': replace(HYBRID_STAGES, outlines=_outlines_by_height),
     'parallax': replace(HYBRID_STAGES, outlines=_outlines_without_parallax),
     'sight': replace(HYBRID_STAGES, outlines=_outlines_without_sight),

@@ -10,6 +10,7 @@ from relief import PARAMETERS, PosedCamera, bank, block, flat, terrain_of, tilte
 from rover_obstacle_detection.detection.geometry.gravity import Gravity
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.terrain import hazards as module
+from rover_obstacle_detection.detection.terrain.cell_evidence import cell_evidence
 from rover_obstacle_detection.detection.terrain.elevation_map import map_positions
 from rover_obstacle_detection.detection.terrain.hazards import (
     dropping_ground,
@@ -27,8 +28,9 @@ def judged(height, ground=POSED.level_ground, noise_px=0.02, **parameters):
     """Steep and dropping ground, and the measured x and y of each pixel."""
     parameters = replace(PARAMETERS, **parameters)
     terrain, _, x, y = POSED.survey(height, noise_px, ground, parameters)
-    steep = steep_ground(terrain, ground, parameters)
-    dropped = dropping_ground(terrain, ground, parameters)
+    cells = cell_evidence(terrain, ground, parameters)
+    steep = steep_ground(terrain, cells, ground, parameters)
+    dropped = dropping_ground(terrain, cells, parameters)
     assert not (steep.found | dropped.found)[~terrain.measured].any()
     return steep, dropped, *(np.where(terrain.measured, place, np.nan) for place in (x, y))
 
@@ -267,6 +269,7 @@ def rough(heights_m, *, noise_m=0.001, rocks=None, **parameters):
         is_bare=np.ones(positions.shape, bool),
         mean_m=level,
         noise_m=level,
+        relief_m=level,
         information=level + 1,
         ground_m=level,
         camera_m=level + 1,

@@ -247,7 +247,17 @@ def layer_of(rows, columns, cell_m, information=1e12, heights_m=None):
     known[at] = information
     positions = MapPositions(nothing, nothing, shape, cell_m, -(shape[1] // 2), 2)
     return Layer(
-        slice(0, 0), positions, seen, seen, seen, nothing, nothing, known, heights, nothing
+        slice(0, 0),
+        positions,
+        seen,
+        seen,
+        seen,
+        nothing,
+        nothing,
+        nothing,
+        known,
+        heights,
+        nothing,
     )
 
 

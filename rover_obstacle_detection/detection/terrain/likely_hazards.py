@@ -1,0 +1,107 @@
+"""Ground that the network judges to be too steep or to drop away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.terrain.cell_evidence import CellEvidence
+from rover_obstacle_detection.detection.terrain.cell_features import cell_features
+from rover_obstacle_detection.detection.terrain.elevation_map import Grid, cell_means
+from rover_obstacle_detection.detection.terrain.hazard_model import (
+    HazardProbability,
+    hazard_model,
+)
+from rover_obstacle_detection.detection.terrain.hazards import quiet
+from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
+from rover_obstacle_detection.detection.terrain.slope import Hazard
+from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
+
+Mask = NDArray[np.bool_]
+
+
+def likely_hazards(
+    terrain: Terrain,
+    cells: Sequence[CellEvidence],
+    edges: Mask,
+    ground: GroundPlane,
+    parameters: TerrainParameters,
+) -> HazardProbability:
+    """Ask the network how likely the ground at each pixel is a hazard.
+
+    Parameters
+    ----------
+    terrain : Terrain
+    cells : sequence of CellEvidence
+        Of its maps.
+    edges : ndarray of bool, shape (height, width)
+        Edges of brims.
+    ground : GroundPlane
+        The plane, and the vertical.
+    parameters : TerrainParameters
+
+    Returns
+    -------
+    HazardProbability
+        Of each pixel, shape (height, width); 0 where nothing is measured.
+    """
+    model = hazard_model()
+    found = HazardProbability(*(np.zeros_like(terrain.height_m) for _ in range(2)))
+    for each in cells:
+        brim = share_of_cells(edges, each.layer)
+        features = cell_features(each.layer, each.rise, each.hollows, brim, ground, parameters)
+        for image, grid in zip(found, model.probability(features), strict=True):
+            each.layer.fill(image, each.layer.sampled(grid))
+    return found
+
+
+def judged_ground(
+    likely: HazardProbability,
+    steep: Hazard,
+    dropped: Hazard,
+    sparse: Mask,
+    terrain: Terrain,
+    parameters: TerrainParameters,
+) -> tuple[Hazard, Hazard]:
+    """Let the network find slopes and drops besides those measured, and rule some of those out.
+
+    What it takes for a hazard counts where both images support most of the matches; elsewhere,
+    false matches look like relief. What is measured to be a hazard counts unless the network
+    rules it out, and is never free.
+
+    Parameters
+    ----------
+    likely : HazardProbability
+    steep, dropped : Hazard
+        What is measured to be a hazard, and what may be one.
+    sparse : ndarray of bool, shape (height, width)
+        Areas where too few matches are supported.
+    terrain : Terrain
+    parameters : TerrainParameters
+
+    Returns
+    -------
+    slopes, drops : Hazard
+    """
+    p = parameters
+    probability = likely.slope + likely.drop
+    found = (probability > p.hazard_probability) & ~sparse & quiet(terrain, p)
+    is_slope = likely.slope >= likely.drop
+    possible = probability > p.free_hazard_probability
+    return (
+        Hazard((steep.found & possible) | (found & is_slope), steep.possible | possible),
+        Hazard((dropped.found & possible) | (found & ~is_slope), dropped.possible),
+    )
+
+
+def share_of_cells(mask: Mask, layer: Layer) -> Grid:
+    """Share of the pixels of each cell that are marked in the image."""
+    marked = mask[layer.rows]
+    if not marked.any():
+        return np.zeros(layer.positions.shape, np.float32)
+    inside = layer.positions.inside.astype(np.float32)
+    share, _ = cell_means(marked.astype(np.float32), inside, layer.positions)
+    return share
