@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ from rover_obstacle_detection.detection.stereo.parameters import StereoParameter
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity
 from rover_obstacle_detection.detection.terrain.brims import Brims, find_brims
 from rover_obstacle_detection.detection.terrain.hazard_model import HazardProbability
+from rover_obstacle_detection.detection.terrain.likely_hazards import likely_hazards
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.survey import layer_spans, survey_layers
@@ -128,6 +130,18 @@ def _no_hazard(terrain: Terrain, *others: object) -> Hazard:
     return Hazard(nothing, nothing)
 
 
+def _likely_drops(*ground: Any) -> HazardProbability:
+    """Let the network find drops only."""
+    likely = likely_hazards(*ground)
+    return likely._replace(slope=np.zeros_like(likely.slope))
+
+
+def _likely_slopes(*ground: Any) -> HazardProbability:
+    """Let the network find slopes only."""
+    likely = likely_hazards(*ground)
+    return likely._replace(drop=np.zeros_like(likely.drop))
+
+
 def _measured_hazards(terrain: Terrain, *others: object) -> HazardProbability:
     """Let the network neither find a hazard nor rule one out."""
     undecided = np.full_like(terrain.height_m, TerrainParameters().free_hazard_probability + 1e-3)
@@ -190,8 +204,8 @@ ABLATIONS: Mapping[str, HybridStages] = {
     'brims': replace(HYBRID_STAGES, brims=_no_brims),
     'layers': replace(HYBRID_STAGES, survey=_single_layer),
     'vertical': replace(HYBRID_STAGES, verticals=_vertical_of_plane),
-    'slope': replace(HYBRID_STAGES, slope=_no_hazard),
-    'drop': replace(HYBRID_STAGES, drop=_no_hazard),
+    'slope': replace(HYBRID_STAGES, slope=_no_hazard, hazards=_likely_drops),
+    'drop': replace(HYBRID_STAGES, drop=_no_hazard, hazards=_likely_slopes),
     'hazards': replace(HYBRID_STAGES, hazards=_measured_hazards),
     'outlines': replace(HYBRID_STAGES, outlines=_outlines_by_height),
     'parallax': replace(HYBRID_STAGES, outlines=_outlines_without_parallax),

@@ -13,6 +13,7 @@ from rover_obstacle_detection.detection.detector import Detector
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.terrain.brims import Brims
+from rover_obstacle_detection.detection.terrain.hazard_model import HazardProbability
 from rover_obstacle_detection.detection.terrain.slope import Hazard
 from rover_obstacle_detection.detection.terrain.surface import Surface
 
@@ -55,6 +56,11 @@ def everywhere(terrain, *others):
     return Hazard(all_, all_)
 
 
+def undecided(terrain, *others):
+    half = np.full(terrain.height_m.shape, 0.2, np.float32)
+    return HazardProbability(half, half)
+
+
 def possible_everywhere(terrain, *others):
     none, all_ = (
         np.zeros(terrain.height_m.shape, np.bool_),
@@ -65,7 +71,7 @@ def possible_everywhere(terrain, *others):
 
 @pytest.mark.parametrize(('name', 'cue'), [('slope', Cue.SLOPE), ('drop', Cue.DROP)])
 def test_pixels_that_a_stage_finds_have_its_cue(name, cue):
-    found = detect(replace(HYBRID_STAGES, **{name: everywhere}))
+    found = detect(replace(HYBRID_STAGES, hazards=undecided, **{name: everywhere}))
     assert ((found.cues & cue) > 0).all()
     assert (found.mask > 0).all()
 

@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from relief import PARAMETERS, PosedCamera, bank, block, flat, tilted
+from relief import PARAMETERS, PosedCamera, bank, block, flat, terrain_of, tilted
+from synthetic import pinhole
 
 from rover_obstacle_detection.detection.terrain.cell_evidence import cell_evidence
+from rover_obstacle_detection.detection.terrain.hazard_model import HazardProbability
 from rover_obstacle_detection.detection.terrain.likely_hazards import (
+    judged_ground,
     likely_hazards,
     share_of_cells,
 )
+from rover_obstacle_detection.detection.terrain.slope import Hazard
 
 POSED = PosedCamera(pitch_deg=40.0, height_m=1.5)
 
@@ -69,8 +73,9 @@ def test_a_ledge_is_a_hazard_on_both_sides_of_its_face():
 
 def test_the_far_wall_of_a_trench_is_a_hazard():
     # Its near wall and floor are hidden.
-    found, x, y = hazards(lambda x, y: -0.5 * ((y > 2.0) & (y < 2.4)))
-    wall = (np.abs(x) < 0.8) & (y > 2.25) & (y < 2.42)
+    posed = PosedCamera(pinhole(400, 300, 60.0, 0.15), 30.0, 1.2)
+    found, x, y = hazards(lambda x, y: -0.5 * ((y > 2.0) & (y < 2.5)), posed=posed)
+    wall = (np.abs(x) < 0.8) & (y > 2.3) & (y < 2.52)
     assert wall.sum() > 100
     assert found[wall].mean() > 0.8
     assert found[(np.abs(y - 3.5) < 0.3)].mean() < 0.05
@@ -91,6 +96,44 @@ def test_slopes_and_the_floors_of_pits_are_told_apart():
     slope, drop, x, y = judged(block(0.0, 2.0, 1.2, -0.25))
     floor = np.maximum(abs(x), abs(y - 2)) < 0.2
     assert (drop > slope)[floor].mean() > 0.8
+
+
+def rows_of(*values):
+    """An image in which each row has one value."""
+    return np.repeat(np.float32(values)[:, np.newaxis], 2, axis=1)
+
+
+def test_network_and_limits_judge_together():
+    # Nothing; slope; drop; slope where few matches are supported; measured, and ruled out by the
+    # network; measured, and not ruled out; possible by the network; too noisy.
+    slope = rows_of(0.0, 0.8, 0.1, 0.8, 0.05, 0.2, 0.15, 0.9)
+    drop = rows_of(0.0, 0.1, 0.7, 0.1, 0.0, 0.1, 0.0, 0.0)
+    sparse = rows_of(0, 0, 0, 1, 0, 0, 0, 0) > 0
+    measured = rows_of(0, 0, 0, 0, 1, 1, 0, 0) > 0
+    noise_m = rows_of(*7 * (0.01,), 10.0)
+    nothing = np.zeros_like(sparse)
+    terrain = terrain_of(np.zeros(sparse.shape, np.float32), noise_m)
+    slopes, drops = judged_ground(
+        HazardProbability(slope, drop),
+        Hazard(measured, measured),
+        Hazard(nothing, nothing),
+        sparse,
+        terrain,
+        PARAMETERS,
+    )
+    np.testing.assert_array_equal(slopes.found[:, 0], [0, 1, 0, 0, 0, 1, 0, 0])
+    np.testing.assert_array_equal(drops.found[:, 0], [0, 0, 1, 0, 0, 0, 0, 0])
+    np.testing.assert_array_equal(slopes.possible[:, 0], [0, 1, 1, 1, 1, 1, 1, 1])
+    slopes, drops = judged_ground(
+        HazardProbability(slope, drop),
+        Hazard(nothing, nothing),
+        Hazard(measured, measured),
+        sparse,
+        terrain,
+        PARAMETERS,
+    )
+    np.testing.assert_array_equal(drops.found[:, 0], [0, 0, 1, 0, 0, 1, 0, 0])
+    np.testing.assert_array_equal(drops.possible, measured)
 
 
 def test_share_of_cells_is_that_of_their_pixels():
