@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.camera import StereoCamera
+from rover_obstacle_detection.detection.network.tiles import tiles_around
 from rover_obstacle_detection.detection.result.cue import Cue
 from rover_obstacle_detection.detection.result.parameters import ResultParameters
-from rover_obstacle_detection.detection.rocks.tiles import tiles_around
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.images.components import runs
+from rover_obstacle_detection.detection.network.tiles import Window
 from rover_obstacle_detection.detection.rocks.parallax import STEP_SHARES, parallax_evidence
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.standing import Standing
-from rover_obstacle_detection.detection.rocks.tiles import Window
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 

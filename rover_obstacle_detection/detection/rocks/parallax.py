@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_obstacle_detection.detection.rocks.tiles import Window
+from rover_obstacle_detection.detection.network.tiles import Window
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 

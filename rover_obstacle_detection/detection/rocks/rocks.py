@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.images.components import components, marked
+from rover_obstacle_detection.detection.network.tiles import Window, tiles_around
 from rover_obstacle_detection.detection.rocks.judgement import overruled_parts, too_high
 from rover_obstacle_detection.detection.rocks.outline_features import outline_features
 from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.standing import Standing
-from rover_obstacle_detection.detection.rocks.tiles import Window, tiles_around
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.terrain.terrain import Terrain
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
+from rover_obstacle_detection.detection.network.tiles import tiles_around
 from rover_obstacle_detection.detection.terrain.cell_evidence import CellEvidence
 from rover_obstacle_detection.detection.terrain.cell_features import cell_features
 from rover_obstacle_detection.detection.terrain.elevation_map import Grid, cell_means
@@ -53,9 +56,25 @@ def likely_hazards(
     for each in cells:
         brim = share_of_cells(edges, each.layer)
         features = cell_features(each.layer, each.rise, each.hollows, brim, ground, parameters)
-        for image, grid in zip(found, model.probability(features), strict=True):
+        grids = HazardProbability(*(np.zeros(each.layer.seen.shape, np.float32) for _ in found))
+        for tile in tiles_around(asked_cells(each.layer)):
+            inner = tile.in_outer(tile.inner)
+            for grid, part in zip(
+                grids, model.probability(features[(slice(None), *tile.outer)]), strict=True
+            ):
+                grid[tile.inner] = part[inner]
+        for image, grid in zip(found, grids, strict=True):
             each.layer.fill(image, each.layer.sampled(grid))
     return found
+
+
+def asked_cells(layer: Layer) -> Mask:
+    """Mark the cells that are sampled for the pixels within a layer's span."""
+    first, last, _, _ = cv2.minMaxLoc(layer.positions.row, layer.pixels.view(np.uint8))
+    asked = cv2.dilate(layer.seen.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    asked[: max(math.floor(first), 0)] = False
+    asked[math.ceil(last) + 1 :] = False
+    return np.asarray(asked)
 
 
 def judged_ground(

@@ -16,6 +16,7 @@ from rover_obstacle_detection.detection.images.brightness import Spread
 from rover_obstacle_detection.detection.images.grey_pair import GreyPair
 from rover_obstacle_detection.detection.images.parameters import ImageParameters
 from rover_obstacle_detection.detection.methods.stages import HYBRID_STAGES, HybridStages
+from rover_obstacle_detection.detection.network.tiles import Window
 from rover_obstacle_detection.detection.rectification.parameters import RectificationParameters
 from rover_obstacle_detection.detection.rectification.rectify import (
     CoarseMatch,
@@ -34,7 +35,6 @@ from rover_obstacle_detection.detection.rocks.outline_model import outline_model
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.rocks import network_outlines
 from rover_obstacle_detection.detection.rocks.standing import Standing
-from rover_obstacle_detection.detection.rocks.tiles import Window
 from rover_obstacle_detection.detection.stereo.matching import Stereo
 from rover_obstacle_detection.detection.stereo.parameters import StereoParameters
 from rover_obstacle_detection.detection.stereo.subpixel import RefinedDisparity, refine_disparity

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from relief import PosedCamera, block, flat
 
+from rover_obstacle_detection.detection.network.tiles import BLOCK_PX, Tile
 from rover_obstacle_detection.detection.rocks import rocks
 from rover_obstacle_detection.detection.rocks.parameters import RockParameters
 from rover_obstacle_detection.detection.rocks.rocks import Rocks, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
-from rover_obstacle_detection.detection.rocks.tiles import BLOCK_PX, Tile
 from rover_obstacle_detection.detection.terrain.parameters import TerrainParameters
 from rover_obstacle_detection.detection.terrain.survey import survey
 

@@ -10,6 +10,7 @@ from synthetic import pinhole
 from rover_obstacle_detection.detection.terrain.cell_evidence import cell_evidence
 from rover_obstacle_detection.detection.terrain.hazard_model import HazardProbability
 from rover_obstacle_detection.detection.terrain.likely_hazards import (
+    asked_cells,
     judged_ground,
     likely_hazards,
     share_of_cells,
@@ -134,6 +135,22 @@ def test_network_and_limits_judge_together():
     )
     np.testing.assert_array_equal(drops.found[:, 0], [0, 0, 1, 0, 0, 1, 0, 0])
     np.testing.assert_array_equal(drops.possible, measured)
+
+
+def test_cells_that_no_pixel_of_the_span_shows_are_not_asked_about():
+    terrain, *_ = POSED.survey(flat)
+    near, far = terrain.layers[:2]
+    for layer in (near, far):
+        asked = asked_cells(layer)
+        rows, columns = (
+            np.rint(each[layer.pixels]).astype(int)
+            for each in (layer.positions.row, layer.positions.column)
+        )
+        assert asked[rows, columns].all()
+        assert asked.sum() < 1.3 * layer.seen.sum()
+    # The farther map overlaps the nearer one.
+    assert far.seen[0].any()
+    assert not asked_cells(far)[0].any()
 
 
 def test_share_of_cells_is_that_of_their_pixels():

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 from rover_obstacle_detection import DetectorConfig
 from rover_obstacle_detection.detection.frame import Frame
 from rover_obstacle_detection.detection.methods.measurement import measure
+from rover_obstacle_detection.detection.network.tiles import (
+    BLOCK_PX,
+    CONTEXT_BLOCKS,
+    tiles_around,
+)
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.result.parameters import ResultParameters
 from rover_obstacle_detection.detection.rocks.outline_features import EVERYWHERE
 from rover_obstacle_detection.detection.rocks.rocks import network_outlines, outlined_rocks
 from rover_obstacle_detection.detection.rocks.standing import standing_parts
-from rover_obstacle_detection.detection.rocks.tiles import (
-    BLOCK_PX,
-    CONTEXT_BLOCKS,
-    tiles_around,
-)
 
 CONTEXT_PX = CONTEXT_BLOCKS * BLOCK_PX
 
