@@ -14,6 +14,7 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from rover_obstacle_detection.detection.network.inference import WITHOUT_ONNX_RUNTIME
 from rover_obstacle_detection.detection.rocks.outline_model import outline_model
+from rover_obstacle_detection.detection.terrain.hazard_model import hazard_model
 from rover_obstacle_detection.errors import ConfigurationError
 from rover_obstacle_detection.messages.header import stamp_ns
 from rover_obstacle_detection.node.calibration import LiveCalibration
@@ -193,8 +194,11 @@ class ObstacleDetector(LifecycleNode):
         self.get_logger().info(
             f'active, method {self._settings.config.method}: pairs of {left} and {right}'
         )
-        if self._settings.config.method == 'hybrid' and not outline_model().is_fast:
-            self.get_logger().info(WITHOUT_ONNX_RUNTIME)
+        if self._settings.config.method == 'hybrid':
+            # The first pair need not wait for the networks to be loaded.
+            hazard_model()
+            if not outline_model().is_fast:
+                self.get_logger().info(WITHOUT_ONNX_RUNTIME)
         self._warn_of_parameters_without_effect()
         self._may_be_idle = True
 

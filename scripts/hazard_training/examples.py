@@ -22,7 +22,11 @@ from rover_obstacle_detection.detection.images.grey_pair import grey_pair
 from rover_obstacle_detection.detection.methods.measurement import measure
 from rover_obstacle_detection.detection.parameters import DetectorParameters
 from rover_obstacle_detection.detection.terrain.cell_evidence import cell_evidence
-from rover_obstacle_detection.detection.terrain.cell_features import cell_features
+from rover_obstacle_detection.detection.terrain.cell_features import (
+    TRAINED_SLOPES_DEG,
+    TRAINED_STEPS_M,
+    cell_features,
+)
 from rover_obstacle_detection.detection.terrain.likely_hazards import share_of_cells
 from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 from rover_obstacle_detection.errors import BagError, UnjudgeablePairError
@@ -36,9 +40,6 @@ from rover_obstacle_detection.simulation.renderer import Hits
 
 LABELS = (SLOPE, DROP, FREE)
 """Labels of pixels, in the order of the network's classes."""
-
-_STEPS_M, _SLOPES_DEG = (0.05, 0.3), (12.0, 32.0)
-"""Limits of the rovers that ground is judged for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +60,8 @@ class MapExample:
 def random_limits(generator: np.random.Generator) -> DetectorConfig:
     """Draw the limits of a rover."""
     return DetectorConfig(
-        max_step=math.exp(generator.uniform(*np.log(_STEPS_M))),
-        max_slope=float(generator.uniform(*_SLOPES_DEG)),
+        max_step=math.exp(generator.uniform(*np.log(TRAINED_STEPS_M))),
+        max_slope=float(generator.uniform(*TRAINED_SLOPES_DEG)),
     )
 
 
@@ -91,12 +92,16 @@ def examples_of_bag(path: Path) -> list[MapExample]:
     generator = np.random.default_rng([seed, 78])
     with open_bag(path) as bag:
         frames, _ = labelled_frames(bag, find_truth_topics(bag), BagOptions())
-        labelled = [frame for frame in frames if not isinstance(frame, BadFrame)]
+        labelled = [
+            (number, frame)
+            for number, frame in enumerate(frames)
+            if not isinstance(frame, BadFrame)
+        ]
     if not labelled:
         msg = f'{path}: no labelled frame'
         raise BagError(msg)
     examples: list[MapExample] = []
-    for number, frame in enumerate(labelled):
+    for number, frame in labelled:
         try:
             examples += examples_of(frame, DetectorConfig())
             if world is not None:

@@ -64,15 +64,7 @@ def detect_hybrid(
     """
     p, full = parameters, frame
     measured = measure(full, p, finished, stages)
-    ground = measured.stereo.ground
-    cells = cell_evidence(measured.terrain, ground, p.terrain)
-    steep = stages.slope(measured.terrain, cells, ground, p.terrain)
-    dropped = stages.drop(measured.terrain, cells, p.terrain)
-    edges = measured.brims.edge(p.terrain.brims)
-    likely = stages.hazards(measured.terrain, cells, edges, ground, p.terrain)
-    steep, dropped = judged_ground(
-        likely, steep, dropped, measured.sparse, measured.terrain, p.terrain
-    )
+    steep, dropped = ground_hazards(measured, stages, p)
     finished('slope, drop')
     if not p.terrain.max_roughness_m:
         # The maps take as much memory as everything that follows.
@@ -92,6 +84,30 @@ def detect_hybrid(
     detection = enlarged(in_left_image(stages.doubt(detection), view.frame), full)
     finished('mask')
     return detection
+
+
+def ground_hazards(
+    measured: Measurement, stages: HybridStages, parameters: DetectorParameters
+) -> tuple[Hazard, Hazard]:
+    """Find slopes and hollows, by limits and by the network.
+
+    Parameters
+    ----------
+    measured : Measurement
+    stages : HybridStages
+    parameters : DetectorParameters
+
+    Returns
+    -------
+    steep, dropped : Hazard
+    """
+    p, terrain, ground = parameters.terrain, measured.terrain, measured.stereo.ground
+    cells = cell_evidence(terrain, ground, p)
+    steep = stages.slope(terrain, cells, ground, p)
+    dropped = stages.drop(terrain, cells, p)
+    edges = measured.brims.edge(p.brims)
+    likely = stages.hazards(terrain, cells, edges, ground, p)
+    return judged_ground(likely, steep, dropped, measured.sparse, terrain, p)
 
 
 def terrain_hazards(

@@ -67,7 +67,7 @@ class HybridStages:
     slope: Callable[[Terrain, Cells, GroundPlane, TerrainParameters], Hazard] = steep_ground
     drop: Callable[[Terrain, Cells, TerrainParameters], Hazard] = dropping_ground
     hazards: Callable[
-        [Terrain, Cells, Mask, GroundPlane, TerrainParameters], HazardProbability
+        [Terrain, Cells, Mask, GroundPlane, TerrainParameters], HazardProbability | None
     ] = likely_hazards
     outlines: Draw = network_outlines
     doubt: Callable[[Detection], Detection] = without_doubtful

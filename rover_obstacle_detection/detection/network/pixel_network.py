@@ -6,7 +6,7 @@ import ctypes
 import os
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ VERSION_KEY = 'features_version'
 """Entry of the ONNX metadata with the version of the features that a model was trained for."""
 
 BLOCK_PX = 16
-"""Inputs are padded to a multiple of it: networks go down to a sixteenth of the resolution."""
+"""Inputs are padded to a multiple of it: networks reduce the resolution to a sixteenth at most."""
 
 # Taller inputs are run in two halves, which takes half the memory. Each half extends this far
 # beyond its end, as far as the networks look.
@@ -46,6 +46,8 @@ class PixelNetwork:
         Version of the features that the model must have been trained for.
     name, script : str
         What the model is, and what trains it: for error messages.
+    padding : str
+        What inputs are padded with, as in ``numpy.pad``.
 
     Raises
     ------
@@ -58,7 +60,16 @@ class PixelNetwork:
     the resolution of the image.
     """
 
-    def __init__(self, data: bytes, *, outputs: int, version: str, name: str, script: str) -> None:
+    def __init__(
+        self,
+        data: bytes,
+        *,
+        outputs: int,
+        version: str,
+        name: str,
+        script: str,
+        padding: Literal['edge', 'constant'] = 'edge',
+    ) -> None:
         found = read_metadata(data).get(VERSION_KEY)
         if found != version:
             msg = (
@@ -66,7 +77,7 @@ class PixelNetwork:
                 f'train it again with {script}'
             )
             raise ModelError(msg)
-        self._outputs = outputs
+        self._outputs, self._padding = outputs, padding
         self._inference = load_inference(data)
 
     @property
@@ -89,7 +100,7 @@ class PixelNetwork:
         bottom, right = -height % BLOCK_PX, -width % BLOCK_PX
         padded = features
         if bottom or right:
-            padded = np.pad(features, ((0, 0), (0, bottom), (0, right)), mode='edge')
+            padded = np.pad(features, ((0, 0), (0, bottom), (0, right)), mode=self._padding)
         values = np.empty((self._outputs, *padded.shape[1:]), np.float32)
         rows = padded.shape[1]
         if rows <= _MAX_ROWS:
@@ -105,7 +116,7 @@ class PixelNetwork:
         return values[:, :height, :width]
 
     def _run(self, features: Planes, values: Planes) -> None:
-        """Fill in the values; rows and columns are multiples of a block."""
+        """Fill in a contiguous array; rows and columns are multiples of a block."""
         squares = self._inference.run(features)
         outputs, rows, columns = values.shape
         side = rows // squares.shape[1]

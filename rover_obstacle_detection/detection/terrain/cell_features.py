@@ -40,6 +40,9 @@ FEATURES = (
 FEATURES_VERSION = '1'
 """Version of their definition, constants included: a model is trained for one of them."""
 
+TRAINED_STEPS_M, TRAINED_SLOPES_DEG = (0.05, 0.3), (12.0, 32.0)
+"""Limits of the rovers that the network was trained for."""
+
 # Part of the definition of the features.
 _USUAL_STEP_M, _USUAL_SCALE_M, _USUAL_CELL_M = 0.1, 0.1, 0.04
 _LEAST_NOISE_M, _NEAREST_M = 1e-3, 0.3
@@ -111,7 +114,7 @@ def cell_features(
 
 def _difference(level_m: Grid, seen: NDArray[np.bool_], axis: int) -> Grid:
     """Difference of each cell to the one before it along an axis; 0 unless both are seen."""
-    difference = np.diff(level_m, axis=axis, prepend=0)
+    difference = np.diff(level_m, axis=axis, prepend=np.float32(0))
     before = np.roll(seen, 1, axis)
     np.moveaxis(before, axis, 0)[0] = False
     return np.where(seen & before, difference, 0).astype(np.float32)

@@ -58,6 +58,7 @@ class HazardModel:
             version=FEATURES_VERSION,
             name='hazard',
             script='scripts/train_hazards.py',
+            padding='constant',
         )
 
     def probability(self, features: NDArray[np.float32]) -> HazardProbability:
@@ -66,6 +67,11 @@ class HazardModel:
         Parameters
         ----------
         features : ndarray of float32, shape (features, rows, columns)
+
+        Returns
+        -------
+        HazardProbability
+            Shape (rows, columns). With the probability of free ground, both add up to 1.
         """
         assert features.shape[0] == len(FEATURES)
         logits = self._network.values(features)

@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 from rover_obstacle_detection.detection.geometry.ground_plane import GroundPlane
 from rover_obstacle_detection.detection.network.tiles import tiles_around
 from rover_obstacle_detection.detection.terrain.cell_evidence import CellEvidence
-from rover_obstacle_detection.detection.terrain.cell_features import cell_features
+from rover_obstacle_detection.detection.terrain.cell_features import (
+    TRAINED_SLOPES_DEG,
+    TRAINED_STEPS_M,
+    cell_features,
+)
 from rover_obstacle_detection.detection.terrain.elevation_map import Grid, cell_means
 from rover_obstacle_detection.detection.terrain.hazard_model import (
     HazardProbability,
@@ -63,8 +67,11 @@ def likely_hazards(
                 grids, model.probability(features[(slice(None), *tile.outer)]), strict=True
             ):
                 grid[tile.inner] = part[inner]
+        # The network was not trained on what is between the cells that are seen.
+        seen = each.layer.seen.astype(np.float32)
+        share = np.maximum(each.layer.sampled(seen), np.float32(1e-3))
         for image, grid in zip(found, grids, strict=True):
-            each.layer.fill(image, each.layer.sampled(grid))
+            each.layer.fill(image, each.layer.sampled(grid * seen) / share)
     return found
 
 
@@ -78,7 +85,7 @@ def asked_cells(layer: Layer) -> Mask:
 
 
 def judged_ground(
-    likely: HazardProbability,
+    likely: HazardProbability | None,
     steep: Hazard,
     dropped: Hazard,
     sparse: Mask,
@@ -89,11 +96,13 @@ def judged_ground(
 
     What it takes for a hazard counts where both images support most of the matches; elsewhere,
     false matches look like relief. What is measured to be a hazard counts unless the network
-    rules it out, and is never free.
+    rules it out, and is never free. For rovers with limits that the network was not trained for,
+    it only makes less ground free.
 
     Parameters
     ----------
-    likely : HazardProbability
+    likely : HazardProbability, optional
+        Without it, only what is measured counts.
     steep, dropped : Hazard
         What is measured to be a hazard, and what may be one.
     sparse : ndarray of bool, shape (height, width)
@@ -106,13 +115,27 @@ def judged_ground(
     slopes, drops : Hazard
     """
     p = parameters
+    if likely is None:
+        return steep, dropped
     probability = likely.slope + likely.drop
+    # What is not a number is not ruled out.
+    possible = ~(probability <= p.free_hazard_probability)
+    if not is_trained_for(p):
+        return steep._replace(possible=steep.possible | possible), dropped
     found = (probability > p.hazard_probability) & ~sparse & quiet(terrain, p)
     is_slope = likely.slope >= likely.drop
-    possible = probability > p.free_hazard_probability
     return (
         Hazard((steep.found & possible) | (found & is_slope), steep.possible | possible),
         Hazard((dropped.found & possible) | (found & ~is_slope), dropped.possible),
+    )
+
+
+def is_trained_for(parameters: TerrainParameters) -> bool:
+    """Whether the network was trained for rovers with such limits."""
+    (least_m, most_m), (least_deg, most_deg) = TRAINED_STEPS_M, TRAINED_SLOPES_DEG
+    return (
+        least_m <= parameters.max_step_m <= most_m
+        and least_deg <= parameters.max_slope_deg <= most_deg
     )
 
 

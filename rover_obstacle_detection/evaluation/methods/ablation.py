@@ -142,10 +142,8 @@ def _likely_slopes(*ground: Any) -> HazardProbability:
     return likely._replace(drop=np.zeros_like(likely.drop))
 
 
-def _measured_hazards(terrain: Terrain, *others: object) -> HazardProbability:
-    """Let the network neither find a hazard nor rule one out."""
-    undecided = np.full_like(terrain.height_m, TerrainParameters().free_hazard_probability + 1e-3)
-    return HazardProbability(undecided, np.zeros_like(undecided))
+def _measured_hazards(*ground: object) -> None:
+    """Leave the ground to the limits alone."""
 
 
 def _outlines_by_height(

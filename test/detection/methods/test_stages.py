@@ -57,8 +57,8 @@ def everywhere(terrain, *others):
 
 
 def undecided(terrain, *others):
-    half = np.full(terrain.height_m.shape, 0.2, np.float32)
-    return HazardProbability(half, half)
+    either = np.full(terrain.height_m.shape, 0.2, np.float32)
+    return HazardProbability(either, either)
 
 
 def possible_everywhere(terrain, *others):

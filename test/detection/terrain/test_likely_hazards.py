@@ -125,6 +125,19 @@ def test_network_and_limits_judge_together():
     np.testing.assert_array_equal(slopes.found[:, 0], [0, 1, 0, 0, 0, 1, 0, 0])
     np.testing.assert_array_equal(drops.found[:, 0], [0, 0, 1, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(slopes.possible[:, 0], [0, 1, 1, 1, 1, 1, 1, 1])
+    # For limits that it was not trained for, the network only makes less ground free.
+    for strange in ({'max_step_m': 0.02}, {'max_slope_deg': 5.0}, {'max_slope_deg': 45.0}):
+        slopes, drops = judged_ground(
+            HazardProbability(slope, drop),
+            Hazard(measured, measured),
+            Hazard(nothing, nothing),
+            sparse,
+            terrain,
+            replace(PARAMETERS, **strange),
+        )
+        np.testing.assert_array_equal(slopes.found, measured)
+        assert not drops.found.any()
+        np.testing.assert_array_equal(slopes.possible[:, 0], [0, 1, 1, 1, 1, 1, 1, 1])
     slopes, drops = judged_ground(
         HazardProbability(slope, drop),
         Hazard(nothing, nothing),
@@ -135,6 +148,18 @@ def test_network_and_limits_judge_together():
     )
     np.testing.assert_array_equal(drops.found[:, 0], [0, 0, 1, 0, 0, 1, 0, 0])
     np.testing.assert_array_equal(drops.possible, measured)
+
+
+def test_what_the_network_cannot_judge_is_possible():
+    terrain = terrain_of(np.zeros((1, 2), np.float32), 0.01)
+    unknown = HazardProbability(np.float32([[np.nan, 0]]), np.float32([[0, 0]]))
+    measured = Hazard(np.array([[True, False]]), np.array([[True, False]]))
+    nothing = Hazard(*np.zeros((2, 1, 2), bool))
+    slopes, _ = judged_ground(unknown, measured, nothing, nothing.found, terrain, PARAMETERS)
+    np.testing.assert_array_equal(slopes.found, [[True, False]])
+    np.testing.assert_array_equal(slopes.possible, [[True, False]])
+    without = judged_ground(None, measured, nothing, nothing.found, terrain, PARAMETERS)
+    assert without == (measured, nothing)
 
 
 def test_cells_that_no_pixel_of_the_span_shows_are_not_asked_about():
