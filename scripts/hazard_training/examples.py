@@ -49,12 +49,12 @@ class MapExample:
     Parameters
     ----------
     features : ndarray of float16, shape (features, rows, columns)
-    pixels : ndarray of float16, shape (classes, rows, columns)
+    pixels : ndarray of uint16, shape (classes, rows, columns)
         Number of pixels of each cell with each of `LABELS`. Rocks do not count.
     """
 
     features: NDArray[np.float16]
-    pixels: NDArray[np.float16]
+    pixels: NDArray[np.uint16]
 
 
 def random_limits(generator: np.random.Generator) -> DetectorConfig:
@@ -156,7 +156,7 @@ def examples_of_terrain(
         brim = share_of_cells(edges, each.layer)
         features = cell_features(each.layer, each.rise, each.hollows, brim, ground, p)
         pixels = pixels_by_label(each.layer, labels)
-        examples.append(MapExample(features.astype(np.float16), pixels.astype(np.float16)))
+        examples.append(MapExample(features.astype(np.float16), pixels.astype(np.uint16)))
     return examples
 
 

@@ -15,6 +15,7 @@ from hazard_training.examples import MapExample
 from hazard_training.network import HazardNet, cell_logits
 from rover_obstacle_detection.detection.terrain.cell_features import FEATURES
 from rover_obstacle_detection.detection.terrain.hazard_model import CLASSES
+from rover_obstacle_detection.errors import BagError
 
 CROP_CELLS = 128
 """Side of a crop, a multiple of sixteen: the network reduces the resolution as much."""
@@ -72,6 +73,9 @@ class Sampler:
             if each.pixels.sum(dtype=np.float64) >= _MIN_PIXELS
             and min(each.pixels.shape[1:]) >= _MIN_CELLS
         ]
+        if not self._maps:
+            msg = f'no map has {_MIN_PIXELS} labelled pixels: expected views of the ground'
+            raise BagError(msg)
         free, hazards = (
             [np.argwhere(chosen)[::_PLACES] for chosen in kind]
             for kind in zip(

@@ -25,7 +25,7 @@ from relief import PosedCamera, flat
 
 from rover_obstacle_detection.detection.terrain.cell_features import FEATURES
 from rover_obstacle_detection.detection.terrain.hazard_model import CLASSES, HazardModel
-from rover_obstacle_detection.errors import ModelError
+from rover_obstacle_detection.errors import BagError, ModelError
 from rover_obstacle_detection.evaluation.labels import DROP, FREE, ROCK, SLOPE
 from rover_obstacle_detection.simulation.suite import load_suite
 
@@ -34,7 +34,7 @@ BAG = Path(__file__).parents[2] / 'bags' / 'simulated_vga_moon'
 
 def example(rows=150, columns=140, hazard=np.s_[60:80, 50:90]):
     generator = np.random.default_rng(0)
-    pixels = np.zeros((len(LABELS), rows, columns), np.float16)
+    pixels = np.zeros((len(LABELS), rows, columns), np.uint16)
     pixels[LABELS.index(FREE)] = 2
     pixels[LABELS.index(FREE)][hazard] = 0
     pixels[LABELS.index(SLOPE)][hazard] = 3
@@ -127,6 +127,13 @@ def test_crops_have_one_size_and_show_hazards():
     assert features.shape == (2, len(FEATURES), CROP_CELLS, CROP_CELLS)
     assert pixels.shape == (2, len(CLASSES), CROP_CELLS, CROP_CELLS)
     assert pixels[:, CLASSES.index('slope')].any()
+
+
+def test_maps_without_labels_cannot_be_trained_on():
+    nothing = example()
+    nothing.pixels[:] = 0
+    with pytest.raises(BagError, match='no map has 200 labelled pixels'):
+        Sampler([nothing], np.random.default_rng(0))
 
 
 def test_a_mirrored_map_is_that_of_mirrored_ground():

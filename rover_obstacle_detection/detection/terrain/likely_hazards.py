@@ -29,6 +29,10 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 
 Mask = NDArray[np.bool_]
 
+_LEAST_STEP_M = 0.07
+"""Least step for which the network is asked to find hazards. Measured: for 0.05 m, the least that
+it was trained for, it takes troughs of dunes for drops."""
+
 
 def likely_hazards(
     terrain: Terrain,
@@ -96,7 +100,7 @@ def judged_ground(
 
     What it takes for a hazard counts where both images support most of the matches; elsewhere,
     false matches look like relief. What is measured to be a hazard counts unless the network
-    rules it out, and is never free. For rovers with limits that the network was not trained for,
+    rules it out, and is never free. For rovers with limits that the network does not know well,
     it only makes less ground free.
 
     Parameters
@@ -120,7 +124,7 @@ def judged_ground(
     probability = likely.slope + likely.drop
     # What is not a number is not ruled out.
     possible = ~(probability <= p.free_hazard_probability)
-    if not is_trained_for(p):
+    if not is_known_well(p):
         return steep._replace(possible=steep.possible | possible), dropped
     found = (probability > p.hazard_probability) & ~sparse & quiet(terrain, p)
     is_slope = likely.slope >= likely.drop
@@ -130,11 +134,11 @@ def judged_ground(
     )
 
 
-def is_trained_for(parameters: TerrainParameters) -> bool:
-    """Whether the network was trained for rovers with such limits."""
-    (least_m, most_m), (least_deg, most_deg) = TRAINED_STEPS_M, TRAINED_SLOPES_DEG
+def is_known_well(parameters: TerrainParameters) -> bool:
+    """Whether the network may find and rule out hazards for a rover with such limits."""
+    (least_deg, most_deg), (_, most_m) = TRAINED_SLOPES_DEG, TRAINED_STEPS_M
     return (
-        least_m <= parameters.max_step_m <= most_m
+        _LEAST_STEP_M <= parameters.max_step_m <= most_m
         and least_deg <= parameters.max_slope_deg <= most_deg
     )
 
