@@ -30,8 +30,8 @@ from rover_obstacle_detection.detection.terrain.terrain import Layer, Terrain
 Mask = NDArray[np.bool_]
 
 _LEAST_STEP_M = 0.07
-"""Least step for which the network is asked to find hazards. Measured: for 0.05 m, the least that
-it was trained for, it takes troughs of dunes for drops."""
+"""Least step for which the network may find hazards, metres. For 0.05 m, the least that it was
+trained for, it took the troughs of one scene of dunes for drops."""
 
 
 def likely_hazards(
